@@ -1,0 +1,44 @@
+"""The one value through which everything that is not deterministic enters the estimator."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from drivers.measurements import Event, ScanLike, WheelSample
+from slam.estimate import Estimate
+from slam.pose import Pose2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tick:
+    """All that came in between two beats of the loop. Recorded before it is used.
+
+    seq: number of the beat on the grid (a missed beat leaves a hole); stamp_ns: host monotonic time of the beat.
+    """
+
+    seq: int
+    stamp_ns: int
+    scan: ScanLike | None
+    wheels: tuple[WheelSample, ...]
+    events: tuple[Event, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How the loop kept time on one tick; never read by the estimator.
+
+    lateness_ns: wake-up after the grid point; missed: beats skipped before this one; stages_ns by name.
+    """
+
+    lateness_ns: int
+    missed: int
+    stages_ns: dict[str, int]
+
+
+class Sink(Protocol):
+    """Takes what the loop produced; never blocks, drops and counts instead."""
+
+    def put(self, tick: Tick, estimate: Estimate, timing: Timing, state_hash: bytes, truth: Pose2 | None) -> None:
+        """One tick; truth is the simulator's map_from_body at estimate.stamp_ns, None on a real rover."""
+
+    def close(self) -> None:
+        """Write out what is queued and release everything; bounded in time."""

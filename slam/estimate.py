@@ -1,0 +1,65 @@
+"""What the estimator says after each tick."""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.observations import Features
+from slam.pose import Pose2
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class Quality(StrEnum):
+    """Whether the pose can be believed."""
+
+    TRACKING = "tracking"
+    UNCERTAIN = "uncertain"
+    LOST = "lost"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LandmarkMap:
+    """Landmarks of the published map, in the map frame.
+
+    identities (L,), means_m (L, 2), covariances_m2 (L, 2, 2), existence_log_odds (L,).
+    """
+
+    identities: IntArray
+    means_m: FloatArray
+    covariances_m2: FloatArray
+    existence_log_odds: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """The pose at stamp_ns and everything a reviewer wants to know about how it came about.
+
+    map_from_body, covariance (3, 3) over x, y, heading: the published pose.
+    particle_mean, particle_covariance: the particles' own, kept beside it; their gap is a health signal.
+    odom_from_body: dead reckoning alone since the start.
+    particles (M, 3) poses and particle_weights (M,): None on a tick without a scan.
+    features, matches (K,): features of the scan and what became of each (identity, or a MatchVerdict).
+    beam_verdicts (N,) uint8 of BeamVerdict, None without a scan.
+    landmarks: filled on every `slam.map_every`-th tick, else None.
+    counts: figures of this tick by name ("landmarks", "matched", "created", "removed", "likelihoods",
+        "effective_particles", ...).
+    """
+
+    stamp_ns: int
+    map_from_body: Pose2
+    covariance: FloatArray
+    particle_mean: Pose2
+    particle_covariance: FloatArray
+    odom_from_body: Pose2
+    quality: Quality
+    particles: FloatArray | None = None
+    particle_weights: FloatArray | None = None
+    features: Features | None = None
+    matches: IntArray | None = None
+    beam_verdicts: NDArray[np.uint8] | None = None
+    landmarks: LandmarkMap | None = None
+    counts: dict[str, float] = field(default_factory=dict)

@@ -1,0 +1,63 @@
+"""Planar poses: composition, inverse, transforms of points, and the wrap of angles.
+
+A Pose2 named map_from_body takes body coordinates to map coordinates; neighbours in a product match.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def wrap_rad(angle: float) -> float:
+    """Angle in (-pi, pi]."""
+    wrapped = math.fmod(angle + math.pi, 2.0 * math.pi)
+    if wrapped <= 0.0:
+        wrapped += 2.0 * math.pi
+    return wrapped - math.pi
+
+
+def wrap_rads(angles: FloatArray) -> FloatArray:
+    """The same for an array of any shape."""
+    wrapped = np.fmod(angles + np.pi, 2.0 * np.pi)
+    return np.where(wrapped <= 0.0, wrapped + 2.0 * np.pi, wrapped) - np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class Pose2:
+    """Position in metres and heading in radians of one planar frame in another."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    heading_rad: float = 0.0
+
+    def __matmul__(self, other: "Pose2") -> "Pose2":
+        """Composition: a_from_b @ b_from_c is a_from_c."""
+        cosine, sine = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        return Pose2(
+            self.x_m + cosine * other.x_m - sine * other.y_m,
+            self.y_m + sine * other.x_m + cosine * other.y_m,
+            wrap_rad(self.heading_rad + other.heading_rad),
+        )
+
+    def inverse(self) -> "Pose2":
+        """a_from_b becomes b_from_a."""
+        cosine, sine = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        return Pose2(
+            -cosine * self.x_m - sine * self.y_m,
+            sine * self.x_m - cosine * self.y_m,
+            wrap_rad(-self.heading_rad),
+        )
+
+    def transform(self, points_m: FloatArray) -> FloatArray:
+        """Points (N, 2) of the inner frame in the outer frame."""
+        cosine, sine = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        x, y = points_m[..., 0], points_m[..., 1]
+        return np.stack((self.x_m + cosine * x - sine * y, self.y_m + sine * x + cosine * y), axis=-1)
+
+    def as_array(self) -> FloatArray:
+        """(3,) x, y, heading."""
+        return np.array((self.x_m, self.y_m, self.heading_rad))
