@@ -34,11 +34,23 @@ class Timing:
     stages_ns: dict[str, int]
 
 
+@dataclass(frozen=True, slots=True)
+class SinkHealth:
+    """How a sink is: values waiting, values dropped since the start, and what is wrong ("" if nothing)."""
+
+    depth: int
+    dropped: int
+    trouble: str = ""
+
+
 class Sink(Protocol):
     """Takes what the loop produced; never blocks, drops and counts instead."""
 
     def put(self, tick: Tick, estimate: Estimate, timing: Timing, state_hash: bytes, truth: Pose2 | None) -> None:
         """One tick; truth is the simulator's map_from_body at estimate.stamp_ns, None on a real rover."""
+
+    def health(self) -> SinkHealth:
+        """How it is now."""
 
     def close(self) -> None:
         """Write out what is queued and release everything; bounded in time."""

@@ -1,0 +1,68 @@
+# make run   sets up and drives the simulated rover for a minute
+# make test  sets up and passes the tests (lint, types, tests)
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes
+export OPENBLAS_NUM_THREADS := 1
+export RERUN_ANALYTICS := off
+
+.PHONY: run test check lint types bench soak browser system lock clean help
+
+help:
+	@sed -n 's/^# //p' Makefile
+
+run: $(VENV)/.installed
+	$(BIN)/infant run --config config/mock.toml $(ARGS)
+
+test: $(VENV)/.installed-dev lint types
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: $(VENV)/.installed-dev
+	$(BIN)/ruff check .
+
+types: $(VENV)/.installed-dev
+	$(BIN)/mypy
+
+bench: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m bench $(ARGS)
+
+soak: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m soak $(ARGS)
+
+browser: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m browser $(ARGS)
+
+system: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m system $(ARGS)
+
+# Debian's python3 has no venv module of its own; it is a package, installed here where that is allowed.
+$(VENV)/bin/python:
+	@$(PYTHON) -m venv $(VENV) >/dev/null 2>&1 || { rm -rf $(VENV); \
+	  echo "python3 has no venv module: installing the package python3-venv"; \
+	  if [ "$$(id -u)" = 0 ]; then S=; else S="sudo -n"; fi; \
+	  { $$S apt-get update -qq && $$S apt-get install -y -qq python3-venv >/dev/null; } \
+	    || { echo "make: cannot install it; run 'sudo apt-get install python3-venv' and then make again" >&2; exit 1; }; \
+	  $(PYTHON) -m venv $(VENV); }
+
+$(VENV)/.installed: requirements.lock pyproject.toml | $(VENV)/bin/python
+	@echo "setting up $(VENV) (once, some minutes)"
+	@$(PIP_INSTALL) -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@echo "compiling the kernels of the filter (once)"
+	@$(BIN)/infant warmup
+	@touch $@
+
+$(VENV)/.installed-dev: requirements-dev.lock $(VENV)/.installed
+	@$(PIP_INSTALL) -r requirements-dev.lock
+	@touch $@
+
+# New versions into the locks; run by hand, commit the result.
+LOCK := $(BIN)/pip-compile --quiet --generate-hashes --allow-unsafe --strip-extras --no-header \
+	--no-emit-index-url --no-emit-trusted-host --no-emit-find-links
+lock: $(VENV)/.installed-dev
+	$(LOCK) --extra dev -o requirements-dev.lock pyproject.toml
+	$(LOCK) -c requirements-dev.lock -o requirements.lock pyproject.toml
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache

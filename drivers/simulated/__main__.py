@@ -1,0 +1,53 @@
+"""The simulated rover as a program: settings come in on standard input, endpoints go out on standard output.
+
+One JSON object a line. In: {"simulation", "laser", "encoders"} once, then {"drive": start_ns},
+{"inject": "laser" | "wheels", "fault": {...}} or {"clear": device}. Out: {"laser_url", "encoders"}. The end of
+standard input ends the program.
+"""
+
+import json
+import signal
+import sys
+import time
+from typing import Any, TextIO
+
+from drivers.laser_settings import LaserSettings
+from drivers.simulated.rover import Rover
+from drivers.simulated.settings import SimulationSettings
+from drivers.wheel_settings import EncoderSettings
+
+
+def serve(lines: TextIO, answers: TextIO) -> None:
+    """Run one rover until the lines end."""
+    request = json.loads(lines.readline())
+    rover = Rover(
+        SimulationSettings.model_validate(request["simulation"]),
+        LaserSettings.model_validate(request["laser"]),
+        EncoderSettings.model_validate(request["encoders"]),
+        time.monotonic_ns,
+    )
+    rover.start()
+    try:
+        answers.write(json.dumps({"laser_url": rover.laser_url, "encoders": rover.encoders.model_dump(mode="json")}))
+        answers.write("\n")
+        answers.flush()
+        for line in lines:
+            obey(rover, json.loads(line))
+    finally:
+        rover.close()
+
+
+def obey(rover: Rover, request: dict[str, Any]) -> None:
+    """Carry out one line."""
+    match request:
+        case {"drive": start_ns}:
+            rover.drive(start_ns)
+        case {"inject": device, "fault": fault}:
+            rover.inject(device, fault)
+        case {"clear": device}:
+            rover.clear(device)
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    serve(sys.stdin, sys.stdout)

@@ -1,0 +1,37 @@
+"""The command line: names are fixed, other tools rely on them. Commands import what they need when they run."""
+
+import os
+import sys
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: other thread counts change bits and cost the loop
+os.environ.setdefault("RERUN_ANALYTICS", "off")
+if "CACHE_DIRECTORY" in os.environ:  # the service's own; compiled kernels must outlive a restart
+    os.environ.setdefault("NUMBA_CACHE_DIR", os.path.join(os.environ["CACHE_DIRECTORY"], "numba"))
+
+import typer
+
+from runtime import cli_live, cli_runs
+from runtime.errors import InfantError
+
+app = typer.Typer(
+    name="infant",
+    help="The runtime that tells a rover where it is.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+cli_live.register(app)
+cli_runs.register(app)
+
+
+def main() -> None:
+    """Entry point of the console script; an error of the family ends with its sentence and its exit code."""
+    try:
+        app()
+    except InfantError as error:
+        print(f"infant: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""Commands around a live rover: run, sim, check, status, warmup."""
+
+import json
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Config = Annotated[Path, typer.Option("--config", help="TOML file; config/mock.toml drives the simulated rover")]
+Out = Annotated[Path | None, typer.Option("--out", help="folder of the run; made here, never overwritten")]
+AsJson = Annotated[bool, typer.Option("--json", help="one JSON object on standard output and nothing else there")]
+Seed = Annotated[int | None, typer.Option("--seed", help="seed of the filter and of the simulated world")]
+Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key; repeatable")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add these commands."""
+    for command in (run, sim, check, status, warmup):
+        app.command()(command)
+
+
+def run(
+    config: Config,
+    duration: Annotated[float | None, typer.Option(help="seconds to run; a simulated rover drives 60 by default")] = None,
+    out: Out = None,
+    seed: Seed = None,
+    set_: Set = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run live: sensors in, pose out, everything recorded. Ctrl-C ends it and keeps everything."""
+    from runtime.clock import MonotonicClock
+    from runtime.config import load_configuration
+    from runtime.live import drive
+    from runtime.overrides import key_values
+    from runtime.run_folder import RunFolder
+    from runtime.summary import summary_lines
+
+    overrides = key_values(set_ or [])
+    if seed is not None:
+        overrides["seed"] = str(seed)
+    configuration = load_configuration(config, overrides)
+    if configuration.simulation is not None:
+        if seed is not None:
+            configuration = load_configuration(config, {**overrides, "simulation.world.seed": str(seed)})
+        duration = SIMULATED_DURATION_S if duration is None else duration
+    stop = stop_on_signals()
+    folder = RunFolder.create(out, Path(configuration.record.folder))
+    summary = drive(configuration, folder, MonotonicClock(), stop, duration, sys.stderr)
+    if as_json:
+        typer.echo(json.dumps(summary))
+    else:
+        typer.echo("\n".join(summary_lines(summary)))
+
+
+SIMULATED_DURATION_S = 60.0
+
+
+def stop_on_signals() -> threading.Event:
+    """An event that Ctrl-C and SIGTERM set; the handler only sets it, so that every sink can close in order."""
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: stop.set())
+    return stop
+
+
+def sim(
+    config: Annotated[Path | None, typer.Option("--config", help="TOML file with a [simulation] table")] = None,
+    laser_only: Annotated[bool, typer.Option("--laser-only", help="only the laser, no CAN bus")] = False,
+    model: Annotated[str | None, typer.Option("--model", help="laser model, for example UTM-30LX")] = None,
+    listen: Annotated[str | None, typer.Option("--listen", metavar="HOST:PORT", help="where the laser listens")] = None,
+    pty: Annotated[str | None, typer.Option("--pty", metavar="PATH", help="also a pseudo-terminal, linked here")] = None,
+) -> None:
+    """Run the simulated devices alone, so that any SCIP or CAN client can be pointed at them, until Ctrl-C."""
+    from runtime.desk import serve_desk
+
+    serve_desk(config, laser_only, model, listen, pty, stop_on_signals(), sys.stdout)
+
+
+def check(config: Config, set_: Set = None, as_json: AsJson = False) -> None:
+    """Check a configuration: every key, type and range. Exit 0 when it can be used, 3 when not."""
+    from runtime.config import load_configuration
+    from runtime.overrides import key_values
+
+    configuration = load_configuration(config, key_values(set_ or []))
+    result = {"config": str(config), "sha256": configuration.sha256, "result": "PASS"}
+    typer.echo(json.dumps(result) if as_json else f"PASS {config} (sha256 {configuration.sha256[:12]})")
+
+
+def status(as_json: AsJson = False) -> None:
+    """Show how a running rover is, over zenoh."""
+    raise NotImplementedError
+
+
+def warmup() -> None:
+    """Compile the kernels of the filter into the cache, so that no run has to; make and the service call it."""
+    from slam.estimator import Estimator
+
+    Estimator.warm_up()

@@ -1,0 +1,28 @@
+"""One step of the estimator that cannot stop the loop; live and replay both go through here."""
+
+import traceback
+
+from drivers.measurements import Event, Severity
+from runtime.tick import Tick
+from slam.estimate import Estimate
+from slam.estimator import Estimator
+
+
+def contained_step(estimator: Estimator, tick: Tick) -> tuple[Estimate, tuple[Event, ...]]:
+    """The estimate of this tick, and what went wrong.
+
+    A defect in the estimator ends the tick as a prediction without the scan; the scan stands in the record of
+    this tick, so that the defect can be repeated. Raises only if predicting fails as well.
+    """
+    try:
+        return estimator.step(tick.stamp_ns, tick.scan, tick.wheels), ()
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        defect = Event(
+            tick.stamp_ns,
+            "estimator",
+            "defect",
+            f"{type(error).__name__}: {error} in {where.name}; tick {tick.seq} ended as a prediction",
+            Severity.ERROR,
+        )
+        return estimator.step(tick.stamp_ns, None, ()), (defect,)

@@ -1,0 +1,72 @@
+"""A live run from start to summary."""
+
+import threading
+from typing import Any, TextIO
+
+from drivers.measurements import SensorState
+from runtime.clock import Clock
+from runtime.config import Configuration
+from runtime.health import HealthMonitor
+from runtime.loop import Loop
+from runtime.realtime import enter_real_time, freeze_garbage, leave_real_time
+from runtime.run_folder import RunFolder
+from runtime.status_line import StatusLine
+from runtime.summary import ErrorTrack, summarise
+from runtime.wiring import Parts, live_parts
+from slam.estimator import Estimator
+
+SENSOR_POLL_S = 0.02
+LEAD_NS = 100_000_000  # from the last preparation to the first beat
+
+
+def drive(
+    configuration: Configuration,
+    folder: RunFolder,
+    clock: Clock,
+    stop: threading.Event,
+    duration_s: float | None,
+    stream: TextIO,
+) -> dict[str, Any]:
+    """Run until `stop` or the duration, write everything, and return the summary (also kept as summary.json)."""
+    Estimator.warm_up()
+    estimator = Estimator(configuration.slam, configuration.seed)
+    parts = live_parts(configuration, folder, clock)
+    status = StatusLine(stream)
+    errors = ErrorTrack()
+    loop = Loop(
+        clock,
+        parts.laser,
+        parts.encoders,
+        estimator,
+        {**parts.sinks, "errors": errors},
+        HealthMonitor(),
+        round(1e9 / configuration.loop.rate_hz),
+        parts.truth,
+        status.note,
+    )
+    try:
+        parts.laser.start()
+        parts.encoders.start()
+        status.start()
+        await_sensors(parts, configuration.loop.ready_s, stop)
+        freeze_garbage()
+        for refusal in enter_real_time(configuration.loop.priority):
+            stream.write(f"infant: {refusal}\n")
+        start_ns = clock.now_ns() + LEAD_NS
+        parts.drive(start_ns)
+        loop.run(start_ns, stop, None if duration_s is None else round(duration_s * 1e9))
+    finally:
+        leave_real_time()
+        status.close()
+        parts.close()
+    summary = summarise(str(folder.path), loop.timekeeping, errors)
+    folder.write_summary(summary)
+    return summary
+
+
+def await_sensors(parts: Parts, ready_s: float, stop: threading.Event) -> None:
+    """Wait until both sensors deliver, at most ready_s: a silent one is a state, not a reason not to start."""
+    for _ in range(round(ready_s / SENSOR_POLL_S)):
+        states = (parts.laser.health().state, parts.encoders.health().state)
+        if states == (SensorState.FRESH, SensorState.FRESH) or stop.wait(SENSOR_POLL_S):
+            return

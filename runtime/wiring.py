@@ -1,0 +1,77 @@
+"""The one place that knows which concrete part stands behind each seam."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+
+from drivers.encoders import CanEncoders
+from drivers.hokuyo import Hokuyo
+from drivers.measurements import Encoders, Laser
+from runtime.clock import Clock
+from runtime.config import Configuration
+from runtime.errors import ConfigurationError
+from runtime.publish import ZenohPublisher
+from runtime.record import Recorder
+from runtime.review_process import ReviewProcess
+from runtime.run_folder import RunFolder
+from runtime.simulation import SimulatedRover
+from runtime.tick import Sink
+from slam.pose import Pose2
+
+RECORDED_VERSIONS = ("infant", "numpy", "scipy", "numba", "python-can", "pyserial", "eclipse-zenoh", "rerun-sdk", "mcap")
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """All that a live run is made of besides the estimator; `close` releases it in the order of the data."""
+
+    laser: Laser
+    encoders: Encoders
+    sinks: dict[str, Sink]
+    rover: SimulatedRover | None
+
+    def drive(self, start_ns: int) -> None:
+        """Let a simulated world begin with the loop; a real one has begun long ago."""
+        if self.rover is not None:
+            self.rover.drive(start_ns)
+
+    def truth(self, stamp_ns: int) -> Pose2 | None:
+        """Where a simulated rover really is."""
+        return self.rover.map_from_body(stamp_ns) if self.rover is not None else None
+
+    def close(self) -> None:
+        """Sensors first, then the sinks, so that everything that came in is written."""
+        self.laser.close()
+        self.encoders.close()
+        for sink in self.sinks.values():
+            sink.close()
+        if self.rover is not None:
+            self.rover.close()
+
+
+def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock) -> Parts:
+    """Drivers and sinks of a live run, not started yet.
+
+    Raises ConfigurationError when a sensor is not configured, SensorError when the simulation does not start.
+    """
+    if configuration.laser is None or configuration.encoders is None:
+        absent = "laser" if configuration.laser is None else "encoders"
+        raise ConfigurationError(f"{absent}: missing; a live run needs the tables [laser] and [encoders]")
+    laser, encoders, rover = configuration.laser, configuration.encoders, None
+    if configuration.simulation is not None:
+        rover = SimulatedRover(configuration.simulation, laser, encoders)
+        laser, encoders = rover.laser, rover.encoders
+    review = ReviewProcess(folder.review_path, configuration.review) if configuration.review.live else None
+    recorder = Recorder(folder, configuration.text, versions(), review.feed if review is not None else None)
+    sinks: dict[str, Sink] = {"record": recorder, "publish": ZenohPublisher(configuration.publish, configuration.rover)}
+    if review is not None:
+        sinks["review"] = review
+    tap = recorder if configuration.record.raw else None
+    return Parts(Hokuyo(laser, clock.now_ns, tap), CanEncoders(encoders, clock.now_ns, tap), sinks, rover)
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that could change a bit of the result."""
+    return {name: version(name) for name in RECORDED_VERSIONS}
+
+

@@ -1,0 +1,46 @@
+import pytest
+
+from drivers.measurements import SensorHealth, SensorState
+from runtime.health import HealthMonitor, RunState
+from runtime.tick import SinkHealth
+from slam.estimate import Quality
+
+FRESH = SensorHealth(SensorState.FRESH, "", 10.0)
+QUIET = {"record": SinkHealth(0, 0)}
+
+
+def test_all_well_is_running_and_said_once() -> None:
+    monitor = HealthMonitor()
+    health, events = monitor.assess(1, {"laser": FRESH}, QUIET, Quality.TRACKING)
+    assert health.state is RunState.RUNNING
+    assert [event.kind for event in events] == ["running"]
+    assert monitor.assess(2, {"laser": FRESH}, QUIET, Quality.TRACKING)[1] == ()
+
+
+@pytest.mark.parametrize("state", [SensorState.STALE, SensorState.FAILED, SensorState.STARTING])
+def test_a_sensor_in_trouble_degrades_with_its_name_state_and_reason(state: SensorState) -> None:
+    health, events = HealthMonitor().assess(1, {"laser": SensorHealth(state, "cable", 0.0)}, QUIET, Quality.TRACKING)
+    assert health.state is RunState.DEGRADED
+    assert health.reasons == (f"laser {state}: cable",)
+    assert "cable" in events[0].reason
+
+
+def test_a_changed_figure_in_a_reason_is_no_new_event() -> None:
+    monitor = HealthMonitor()
+    monitor.assess(1, {"laser": SensorHealth(SensorState.STALE, "0.6 s old", 0.0)}, QUIET, Quality.TRACKING)
+    later = SensorHealth(SensorState.STALE, "0.7 s old", 0.0)
+    assert monitor.assess(2, {"laser": later}, QUIET, Quality.TRACKING)[1] == ()
+
+
+def test_a_sink_that_drops_degrades_only_while_it_drops() -> None:
+    monitor = HealthMonitor()
+    states = [
+        monitor.assess(k, {"laser": FRESH}, {"record": SinkHealth(0, dropped)}, Quality.TRACKING)[0].state
+        for k, dropped in enumerate((0, 3, 3))
+    ]
+    assert states == [RunState.RUNNING, RunState.DEGRADED, RunState.RUNNING]
+
+
+def test_a_lost_pose_outranks_a_degraded_sensor() -> None:
+    stale = SensorHealth(SensorState.STALE, "silent", 0.0)
+    assert HealthMonitor().assess(1, {"laser": stale}, QUIET, Quality.LOST)[0].state is RunState.LOST
