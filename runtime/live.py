@@ -6,13 +6,16 @@ from typing import Any, TextIO
 from drivers.measurements import SensorState
 from runtime.clock import Clock
 from runtime.config import Configuration
-from runtime.health import HealthMonitor
+from runtime.health import Health, HealthMonitor
 from runtime.loop import Loop
+from runtime.notify import ServiceManager
 from runtime.realtime import enter_real_time, freeze_garbage, leave_real_time
 from runtime.run_folder import RunFolder
-from runtime.status_line import StatusLine
+from runtime.status_line import StatusLine, status_text
 from runtime.summary import ErrorTrack, summarise
+from runtime.tick import Tick, Timing
 from runtime.wiring import Parts, live_parts
+from slam.estimate import Estimate
 from slam.estimator import Estimator
 
 SENSOR_POLL_S = 0.02
@@ -26,6 +29,7 @@ def drive(
     stop: threading.Event,
     duration_s: float | None,
     stream: TextIO,
+    manager: ServiceManager,
 ) -> dict[str, Any]:
     """Run until `stop` or the duration, write everything, and return the summary (also kept as summary.json)."""
     Estimator.warm_up()
@@ -33,6 +37,14 @@ def drive(
     parts = live_parts(configuration, folder, clock)
     status = StatusLine(stream)
     errors = ErrorTrack()
+    beats_per_s = max(1, round(configuration.loop.rate_hz))
+
+    def watch(tick: Tick, estimate: Estimate, timing: Timing, health: Health) -> None:
+        manager.completed_tick()
+        if tick.seq % beats_per_s == 0:
+            manager.status(status_text(tick, estimate, timing, health, configuration.loop.rate_hz))
+        status.note(tick, estimate, timing, health)
+
     loop = Loop(
         clock,
         parts.laser,
@@ -42,23 +54,25 @@ def drive(
         HealthMonitor(),
         round(1e9 / configuration.loop.rate_hz),
         parts.truth,
-        status.note,
+        watch,
     )
     try:
-        parts.laser.start()
-        parts.encoders.start()
-        status.start()
+        parts.start()
         await_sensors(parts, configuration.loop.ready_s, stop)
+        status.start()
         freeze_garbage()
         for refusal in enter_real_time(configuration.loop.priority):
             stream.write(f"infant: {refusal}\n")
         start_ns = clock.now_ns() + LEAD_NS
         parts.drive(start_ns)
+        manager.ready()
         loop.run(start_ns, stop, None if duration_s is None else round(duration_s * 1e9))
     finally:
+        manager.stopping()
         leave_real_time()
         status.close()
         parts.close()
+        manager.close()
     summary = summarise(str(folder.path), loop.timekeeping, errors)
     folder.write_summary(summary)
     return summary

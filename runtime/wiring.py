@@ -30,6 +30,11 @@ class Parts:
     sinks: dict[str, Sink]
     rover: SimulatedRover | None
 
+    def start(self) -> None:
+        """Begin to connect; nothing waits for a sensor to answer."""
+        self.laser.start()
+        self.encoders.start()
+
     def drive(self, start_ns: int) -> None:
         """Let a simulated world begin with the loop; a real one has begun long ago."""
         if self.rover is not None:

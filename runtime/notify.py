@@ -1,0 +1,47 @@
+"""What the service manager is told: one datagram each (sd_notify(3)), nothing where there is no manager."""
+
+import os
+import socket
+
+
+class ServiceManager:
+    """Sends to $NOTIFY_SOCKET, whose value the command line passes in; empty means there is none.
+
+    Nothing here blocks or raises: the socket does not wait, and a manager that is gone is the manager's trouble.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._socket: socket.socket | None = None
+        if address:
+            self._address = "\0" + address[1:] if address.startswith("@") else address
+            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC | socket.SOCK_NONBLOCK)
+
+    def ready(self) -> None:
+        """The runtime is alive and the first tick follows; sensors may still be on their way."""
+        self._send(f"READY=1\nMAINPID={os.getpid()}")
+
+    def completed_tick(self) -> None:
+        """Feed the watchdog; called by the loop only, after a tick has ended."""
+        self._send("WATCHDOG=1")
+
+    def status(self, text: str) -> None:
+        """The line that `systemctl status` shows."""
+        self._send(f"STATUS={text}")
+
+    def stopping(self) -> None:
+        """The shutdown has begun."""
+        self._send("STOPPING=1")
+
+    def close(self) -> None:
+        """Release the socket."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _send(self, message: str) -> None:
+        if self._socket is None:
+            return
+        try:
+            self._socket.sendto(message.encode(), self._address)
+        except OSError:
+            return  # no one listens: there is nothing to tell it to
