@@ -1,0 +1,103 @@
+"""Names and places of signals in CAN frames, as configuration writes them."""
+
+from typing import Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+SpeedUnit = Literal["counts_per_period", "motor_turns_per_s", "counts_per_s", "turns_per_s", "mps", "kph"]
+
+
+class InfoSignals(BaseModel):
+    """The slow message in which a node says what it is."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    message: str = Field(description="message name")
+    counts_per_rev: str = Field(default="", description="signal; empty: absent")
+    period_ms: str = Field(default="", description="signal; empty: absent")
+    schema_version: str = Field(default="", description="signal; empty: absent")
+    uptime_ms: str = Field(default="", description="signal; empty: absent. Falls when the node has restarted")
+
+
+class WheelSignals(BaseModel):
+    """Where one wheel's motion is. Empty names are signals that the device does not send."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    message: str = Field(description="message name")
+    frame_id: int = Field(
+        default=-1, ge=-1, le=0x1FFFFFFF, description="in place of the message's own id; -1: keeps it"
+    )
+    count: str = Field(default="", description="signal of the cumulative position")
+    counts_per_unit: float = Field(
+        default=1.0, gt=0.0, description="counts in one unit of the scaled position"
+    )
+    speed: str = Field(default="", description="signal of the speed; integrated where there is no position")
+    speed_unit: SpeedUnit = Field(default="counts_per_period", description="unit of the scaled speed")
+    status: str = Field(default="", description="signal of the state")
+    status_mask: int = Field(
+        default=0xFFFFFFFF, ge=0, le=0xFFFFFFFF, description="bits of the state that matter"
+    )
+    status_ok: tuple[int, ...] = Field(
+        default=(0,), description="values of those bits with which the counts are good"
+    )
+    alive: str = Field(default="", description="signal of the rolling counter; wraps as wide as it is")
+    boot_id: str = Field(default="", description="signal that changes with every power-up")
+    crc: str = Field(default="", description="signal of the CRC-8, a whole byte")
+    crc_polynomial: int = Field(default=0x1D, ge=1, le=255, description="SAE J1850")
+    crc_init: int = Field(default=0xFF, ge=0, le=255, description="SAE J1850")
+    crc_xor_out: int = Field(default=0xFF, ge=0, le=255, description="SAE J1850")
+    crc_over_id: bool = Field(default=True, description="the two id bytes, low first, go in before the data")
+    info: InfoSignals | None = Field(
+        default=None, description="slow message of the node; absent where it sends none"
+    )
+
+    @model_validator(mode="after")
+    def _measures_something(self) -> Self:
+        if not self.count and not self.speed:
+            raise ValueError(f"a signal name in count or speed for message {self.message}")
+        return self
+
+
+class SignalSettings(BaseModel):
+    """One signal of a message, with the bit numbering of a DBC."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str = Field(min_length=1, description="as used in left and right")
+    start: int = Field(
+        ge=0, le=511, description="start bit as in a DBC: lowest if little, highest if big endian"
+    )
+    length: int = Field(ge=1, le=64, description="bits")
+    order: Literal["little", "big"] = Field(default="little", description="byte order")
+    type: Literal["unsigned", "signed", "float"] = Field(
+        default="unsigned", description="how the bits are read"
+    )
+    scale: float = Field(default=1.0, description="units per bit")
+
+
+class MessageSettings(BaseModel):
+    """One message: id, length and signals."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str = Field(min_length=1, description="as used in left and right")
+    frame_id: int = Field(ge=0, le=0x1FFFFFFF, description="arbitration id")
+    extended: bool = Field(default=False, description="29-bit id")
+    length: int = Field(default=8, ge=1, le=64, description="bytes; frames of another length are refused")
+    signals: tuple[SignalSettings, ...] = Field(min_length=1, description="what it carries")
+
+
+class NodeAddresses(BaseModel):
+    """The two nodes of a layout that is addressed by node number."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    left_node: int = Field(ge=0, le=255, description="node number of the left wheel")
+    right_node: int = Field(ge=0, le=255, description="node number of the right wheel")
+
+    @model_validator(mode="after")
+    def _nodes_differ(self) -> Self:
+        if self.left_node == self.right_node:
+            raise ValueError(f"two different node numbers, not {self.left_node} for both wheels")
+        return self
