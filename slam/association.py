@@ -1,0 +1,294 @@
+"""Data association in one particle: which landmark each feature is, and what that does to the pose.
+
+Sequential: nearest feature first, every match folded into the pose before the next feature is looked at. Simultaneous: the
+printed form, all features against the predicted pose. Known: by the identity that the sensor reports.
+"""
+
+import math
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.compiled import kernel
+from slam.landmark_filter import sensor_pose
+from slam.proposals import (
+    Moments,
+    Proposal,
+    Sighting,
+    fold_in,
+    linearised_moments,
+    log_likelihood,
+    squared_distance,
+    unscented_moments,
+)
+from slam.tuning import Tuning
+from slam.unscented import square_root
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+NEW, UNLICENSED, AMBIGUOUS, EXCLUDED, OUT_OF_RANGE = -1, -2, -3, -4, -5
+PENDING = -100
+UNSCENTED = int(Proposal.UNSCENTED)
+
+
+class Strategy(IntEnum):
+    """How features find their landmarks."""
+
+    SEQUENTIAL = 0
+    SIMULTANEOUS = 1
+    KNOWN = 2
+
+
+@kernel
+def sighting_of(features: FloatArray, index: int) -> Sighting:
+    """Feature `index` of features (K, 6): range, bearing, rr, rb, bb, licence."""
+    return Sighting(
+        features[index, 0], features[index, 1], features[index, 2], features[index, 3], features[index, 4]
+    )
+
+
+@kernel
+def moments_of(
+    pose: FloatArray,
+    covariance: FloatArray,
+    root: FloatArray,
+    mount: FloatArray,
+    landmark: FloatArray,
+    noise: Sighting,
+    tuning: Tuning,
+) -> Moments:
+    """What the proposal in force predicts for one landmark."""
+    if tuning.proposal == UNSCENTED:
+        return unscented_moments(pose, root, mount, landmark, noise, tuning.joint_weights, tuning.spread)
+    return linearised_moments(pose, covariance, mount, landmark, noise)
+
+
+@kernel
+def match_bound(candidates: FloatArray, chosen: int, tuning: Tuning) -> float:
+    """M_th = M_c - K d_min (5) with a floor: strict where landmarks are dense, tolerant where one stands alone.
+
+    As a squared Mahalanobis distance; d_min is the distance to the nearest other landmark.
+    """
+    if not tuning.density:
+        return -2.0 * tuning.match_fixed
+    nearest = math.inf
+    for other in range(candidates.shape[0]):
+        dx, dy = candidates[other, 0] - candidates[chosen, 0], candidates[other, 1] - candidates[chosen, 1]
+        square = dx * dx + dy * dy
+        if other != chosen and square < nearest:
+            nearest = square
+    return -2.0 * max(tuning.match_base - tuning.match_per_metre * math.sqrt(nearest), tuning.match_floor)
+
+
+@kernel
+def reach(pose_covariance: FloatArray, sighting: Sighting, distance: float) -> float:
+    """Distance m beyond which a landmark with exact position cannot lie within a squared Mahalanobis distance.
+
+    From the largest variance that pose and sensor can cause at the feature's place; the landmark's own comes on top.
+    """
+    return distance * (
+        pose_covariance[0, 0]
+        + pose_covariance[1, 1]
+        + sighting.rr
+        + (sighting.range_m * sighting.range_m) * (pose_covariance[2, 2] + sighting.bb)
+        + 2.0 * abs(sighting.range_m) * math.sqrt(pose_covariance[2, 2] * (pose_covariance[0, 0] + pose_covariance[1, 1]))
+    )
+
+
+@kernel
+def best_landmark(
+    pose: FloatArray,
+    covariance: FloatArray,
+    root: FloatArray,
+    mount: FloatArray,
+    candidates: FloatArray,
+    used: BoolArray,
+    sighting: Sighting,
+    tuning: Tuning,
+    bound: float,
+) -> tuple[int, float, int, float, int]:
+    """The likeliest free landmark by (4) and its squared distance, the likeliest of all, the least squared distance, and how
+    many likelihoods that took; -1 where there is none."""
+    sensor_x, sensor_y, heading = sensor_pose(pose, mount)
+    x = sensor_x + sighting.range_m * math.cos(heading + sighting.bearing_rad)
+    y = sensor_y + sighting.range_m * math.sin(heading + sighting.bearing_rad)
+    radius = reach(covariance, sighting, bound)
+    free, free_distance, free_log = -1, math.inf, -math.inf
+    likeliest, likeliest_log, least, evaluated = -1, -math.inf, math.inf, 0
+    for index in range(candidates.shape[0]):
+        if tuning.range_gate:
+            dx, dy = candidates[index, 0] - x, candidates[index, 1] - y
+            if dx * dx + dy * dy > radius + bound * (candidates[index, 2] + candidates[index, 4]):
+                continue
+        moments = moments_of(pose, covariance, root, mount, candidates[index], sighting, tuning)
+        evaluated += 1
+        distance = squared_distance(moments, sighting)
+        if not distance < math.inf:
+            continue
+        log = log_likelihood(moments, distance)
+        least = min(least, distance)
+        if log > likeliest_log:
+            likeliest, likeliest_log = index, log
+        if not used[index] and log > free_log:
+            free, free_log, free_distance = index, log, distance
+    return free, free_distance, likeliest, least, evaluated
+
+
+@kernel
+def verdict_without_match(licensed: bool, least: float, excluded: bool, tuning: Tuning) -> int:
+    """What becomes of a feature that matched nothing: EXCLUDED may still create, AMBIGUOUS and UNLICENSED may not."""
+    if tuning.density and least < tuning.create_distance:
+        return EXCLUDED if excluded else AMBIGUOUS
+    return NEW if licensed else UNLICENSED
+
+
+@kernel
+def associate_sequentially(
+    pose: FloatArray,
+    covariance: FloatArray,
+    mount: FloatArray,
+    candidates: FloatArray,
+    features: FloatArray,
+    order: IntArray,
+    tuning: Tuning,
+    chosen: IntArray,
+) -> tuple[float, int]:
+    """Fill chosen (K,) with candidate indices or verdicts; pose and covariance follow match by match, in place.
+
+    When another open feature fits the landmark better than the one at hand, that one goes first: the best keeps it.
+    Returns the log weight of this particle's step and the number of likelihoods.
+    """
+    used = np.zeros(candidates.shape[0], dtype=np.bool_)
+    widest = max(-2.0 * tuning.match_floor, tuning.create_distance) if tuning.density else -2.0 * tuning.match_fixed
+    log_weight, evaluated = 0.0, 0
+    chosen[:] = PENDING
+    root = square_root(covariance)
+    for position in range(order.size):
+        feature = order[position]
+        while chosen[feature] == PENDING:
+            sighting = sighting_of(features, feature)
+            free, distance, likeliest, least, looked = best_landmark(
+                pose, covariance, root, mount, candidates, used, sighting, tuning, widest
+            )
+            evaluated += looked
+            if free < 0 or distance > match_bound(candidates, free, tuning):
+                excluded = likeliest >= 0 and used[likeliest] and least <= match_bound(candidates, likeliest, tuning)
+                chosen[feature] = verdict_without_match(features[feature, 5] > 0.0, least, excluded, tuning)
+                log_weight += tuning.log_unmatched
+                break
+            taker = feature
+            for later in range(position + 1, order.size):
+                rival = order[later]
+                gap = abs(features[rival, 0] - features[feature, 0])
+                if chosen[rival] == PENDING and gap * gap < widest * 4.0 * (sighting.rr + features[rival, 2]) + 1.0:
+                    claim = sighting_of(features, rival)
+                    moments = moments_of(pose, covariance, root, mount, candidates[free], claim, tuning)
+                    rival_distance = squared_distance(moments, claim)
+                    if rival_distance < distance:
+                        taker, distance = rival, rival_distance
+            winner = sighting_of(features, taker)
+            moments = moments_of(pose, covariance, root, mount, candidates[free], winner, tuning)
+            log_weight += log_likelihood(moments, squared_distance(moments, winner))
+            fold_in(pose, covariance, moments, winner)
+            root = square_root(covariance)
+            chosen[taker] = free
+            used[free] = True
+    return log_weight, evaluated
+
+
+@kernel
+def fold_all(
+    pose: FloatArray,
+    covariance: FloatArray,
+    mount: FloatArray,
+    candidates: FloatArray,
+    features: FloatArray,
+    order: IntArray,
+    tuning: Tuning,
+    chosen: IntArray,
+) -> float:
+    """Fold matches that are already decided into the pose, new sigma points for each; returns the log weight."""
+    log_weight = 0.0
+    for position in range(order.size):
+        feature = order[position]
+        if chosen[feature] < 0:
+            log_weight += tuning.log_unmatched if chosen[feature] != OUT_OF_RANGE else 0.0
+            continue
+        sighting = sighting_of(features, feature)
+        root = square_root(covariance)
+        moments = moments_of(pose, covariance, root, mount, candidates[chosen[feature]], sighting, tuning)
+        distance = squared_distance(moments, sighting)
+        if distance < math.inf:
+            log_weight += log_likelihood(moments, distance)
+            fold_in(pose, covariance, moments, sighting)
+    return log_weight
+
+
+@kernel
+def associate_simultaneously(
+    pose: FloatArray,
+    covariance: FloatArray,
+    mount: FloatArray,
+    candidates: FloatArray,
+    features: FloatArray,
+    tuning: Tuning,
+    chosen: IntArray,
+) -> int:
+    """The printed form of (4): every feature takes its likeliest landmark as seen from the predicted pose.
+
+    With exclusivity the likeliest claim keeps a landmark and the other features count as new. Fills chosen (K,), returns the
+    number of likelihoods.
+    """
+    count = features.shape[0]
+    used = np.zeros(candidates.shape[0], dtype=np.bool_)
+    distances = np.empty(count)
+    widest = max(-2.0 * tuning.match_floor, tuning.create_distance) if tuning.density else -2.0 * tuning.match_fixed
+    root = square_root(covariance)
+    evaluated = 0
+    for feature in range(count):
+        free, distance, _, least, looked = best_landmark(
+            pose, covariance, root, mount, candidates, used, sighting_of(features, feature), tuning, widest
+        )
+        evaluated += looked
+        distances[feature] = distance
+        if free >= 0 and distance <= match_bound(candidates, free, tuning):
+            chosen[feature] = free
+        else:
+            chosen[feature] = verdict_without_match(features[feature, 5] > 0.0, least, False, tuning)
+    if tuning.exclusivity:
+        for feature in range(count):
+            for rival in range(count):
+                if rival != feature and chosen[feature] >= 0 and chosen[rival] == chosen[feature]:
+                    loser = rival if distances[feature] <= distances[rival] else feature
+                    chosen[loser] = verdict_without_match(features[loser, 5] > 0.0, distances[loser], True, tuning)
+    return evaluated
+
+
+@kernel
+def associate_by_identity(
+    pose: FloatArray,
+    covariance: FloatArray,
+    mount: FloatArray,
+    candidates: FloatArray,
+    identities: IntArray,
+    features: FloatArray,
+    feature_identities: IntArray,
+    tuning: Tuning,
+    chosen: IntArray,
+) -> int:
+    """Match equal identities inside a wide gate; a feature without identity is left alone. Returns the likelihoods."""
+    root = square_root(covariance)
+    evaluated = 0
+    for feature in range(features.shape[0]):
+        chosen[feature] = NEW if feature_identities[feature] >= 0 else UNLICENSED
+        for index in range(candidates.shape[0]):
+            if feature_identities[feature] >= 0 and identities[index] == feature_identities[feature]:
+                sighting = sighting_of(features, feature)
+                moments = moments_of(pose, covariance, root, mount, candidates[index], sighting, tuning)
+                evaluated += 1
+                matches = squared_distance(moments, sighting) <= -2.0 * tuning.match_known
+                chosen[feature] = index if matches else AMBIGUOUS
+    return evaluated

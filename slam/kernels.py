@@ -1,0 +1,244 @@
+"""One scan in all particles: predict, associate, sample, weight, update, existence; compiled as one loop.
+
+Features come as rows (K, 6): range m, bearing rad, covariance rr, rb, bb, and 1 where a new landmark is licensed.
+The sight line is the scan itself, (3 + N,): first bearing, bearing step, range of no return, then N ranges; N = 0 where there is no scan.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.association import (
+    NEW,
+    Strategy,
+    associate_by_identity,
+    associate_sequentially,
+    associate_simultaneously,
+    fold_all,
+    sighting_of,
+)
+from slam.compiled import kernel
+from slam.landmark_filter import new_landmark, sensor_pose, update_landmark
+from slam.pages import (
+    FIELDS,
+    FREE_PAGES,
+    LOG_ODDS,
+    NONE,
+    USED_SLOTS,
+    Pages,
+    append,
+    remove_below,
+    slots_near,
+    writable,
+)
+from slam.proposals import Proposal
+from slam.tuning import Tuning
+from slam.unscented import square_root, wrapped
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+ShortArray = NDArray[np.int32]
+
+MOTION, UNSCENTED = int(Proposal.MOTION), int(Proposal.UNSCENTED)
+SEQUENTIAL, KNOWN = int(Strategy.SEQUENTIAL), int(Strategy.KNOWN)
+LIKELIHOODS, CREATED, REMOVED, MATCHED, SHARED_NEEDED = 0, 1, 2, 3, 4
+TALLIES = 5
+
+
+@kernel
+def predict(pose: FloatArray, covariance: FloatArray, increment: FloatArray, increment_covariance: FloatArray) -> None:
+    """Move an exactly known pose (3,) by the increment (3,) in place; covariance (3, 3) becomes the increment's, turned."""
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    pose[0] += cosine * increment[0] - sine * increment[1]
+    pose[1] += sine * increment[0] + cosine * increment[1]
+    pose[2] = wrapped(pose[2] + increment[2])
+    c = increment_covariance
+    covariance[0, 0] = cosine * cosine * c[0, 0] - 2.0 * cosine * sine * c[0, 1] + sine * sine * c[1, 1]
+    covariance[1, 1] = sine * sine * c[0, 0] + 2.0 * cosine * sine * c[0, 1] + cosine * cosine * c[1, 1]
+    covariance[0, 1] = cosine * sine * (c[0, 0] - c[1, 1]) + (cosine * cosine - sine * sine) * c[0, 1]
+    covariance[0, 2] = cosine * c[0, 2] - sine * c[1, 2]
+    covariance[1, 2] = sine * c[0, 2] + cosine * c[1, 2]
+    covariance[2, 2] = c[2, 2]
+    covariance[1, 0], covariance[2, 0], covariance[2, 1] = covariance[0, 1], covariance[0, 2], covariance[1, 2]
+
+
+@kernel
+def sample(pose: FloatArray, covariance: FloatArray, normals: FloatArray) -> None:
+    """Draw from N(pose, covariance) in place with three standard normal numbers."""
+    root = square_root(covariance)
+    for row in range(3):
+        for column in range(row + 1):
+            pose[row] += root[row, column] * normals[column]
+    pose[2] = wrapped(pose[2])
+
+
+@kernel
+def in_clear_view(
+    landmark_x: float, landmark_y: float, sensor: tuple[float, float, float], sight: FloatArray, tuning: Tuning
+) -> bool:
+    """True where the sensor would have seen the landmark: well inside its range and angle, and nothing at or before it.
+
+    Without a scan range and angle alone decide. A beam that ends at the landmark's distance is no evidence against it.
+    """
+    dx, dy = landmark_x - sensor[0], landmark_y - sensor[1]
+    distance = math.sqrt(dx * dx + dy * dy)
+    bearing = wrapped(math.atan2(dy, dx) - sensor[2])
+    if distance > tuning.missed_range_m or abs(bearing) > tuning.missed_bearing_rad or distance < 0.1:
+        return False
+    beams = sight.size - 3
+    if beams <= 0:
+        return True
+    half_width = math.atan2(tuning.sight_half_width_m, distance) + abs(sight[1])
+    first = int(math.floor((bearing - half_width - sight[0]) / sight[1]))
+    last = int(math.ceil((bearing + half_width - sight[0]) / sight[1]))
+    if first < 0 or last >= beams:
+        return False
+    for beam in range(first, last + 1):
+        measured = sight[3 + beam] if sight[3 + beam] == sight[3 + beam] else sight[2]
+        if measured < distance + tuning.sight_margin_m:
+            return False
+    return True
+
+
+@kernel
+def gather(
+    pages: Pages, particle: int, slots: ShortArray, slot_count: int
+) -> tuple[FloatArray, IntArray, ShortArray, int]:
+    """Copies of this particle's landmarks in the slots: numbers (C, 6), identities (C,), (slot, place) (C, 2); and how many of
+    the slots' pages are shared with other particles."""
+    total, shared = 0, 0
+    for index in range(slot_count):
+        page = pages.table[particle, slots[index]]
+        if page != NONE:
+            total += pages.count[page]
+            shared += 1 if pages.references[page] > 1 else 0
+    numbers = np.empty((total, FIELDS))
+    identities = np.empty(total, dtype=np.int64)
+    places = np.empty((total, 2), dtype=np.int32)
+    filled = 0
+    for index in range(slot_count):
+        page = pages.table[particle, slots[index]]
+        if page != NONE:
+            for place in range(pages.count[page]):
+                for field in range(FIELDS):
+                    numbers[filled, field] = pages.numbers[page, field, place]
+                identities[filled] = pages.identity[page, place]
+                places[filled, 0], places[filled, 1] = slots[index], place
+                filled += 1
+    return numbers, identities, places, shared
+
+
+@kernel
+def write_back(
+    pages: Pages, particle: int, candidates: FloatArray, places: ShortArray, changed: NDArray[np.bool_]
+) -> None:
+    """Store the landmarks that changed into this particle's own pages."""
+    for index in range(candidates.shape[0]):
+        if changed[index]:
+            page = writable(pages, particle, places[index, 0])
+            for field in range(FIELDS):
+                pages.numbers[page, field, places[index, 1]] = candidates[index, field]
+
+
+@kernel
+def step_particles(
+    pages: Pages,
+    poses: FloatArray,
+    log_weights: FloatArray,
+    first: int,
+    increment: FloatArray,
+    increment_covariance: FloatArray,
+    normals: FloatArray,
+    mount: FloatArray,
+    features: FloatArray,
+    feature_identities: IntArray,
+    order: IntArray,
+    sight: FloatArray,
+    tuning: Tuning,
+    new_identities: IntArray,
+    matches: IntArray,
+    tallies: IntArray,
+) -> int:
+    """Step particles first .. M-1 by one scan; everything is changed in place.
+
+    poses (M, 3), log_weights (M,), normals (M, 3), mount (3,), matches (M, K) landmark identity or verdict, tallies (5,).
+    order (K,): features by range, nearest first. new_identities (K,): names of landmarks that these features may create.
+    Returns M, or the particle that found too little free room in `pages`: enlarge them by tallies[4] and go on there.
+    """
+    count = features.shape[0]
+    slots = np.empty(max(pages.tally[USED_SLOTS], 1), dtype=np.int32)
+    chosen = np.empty(count, dtype=np.int64)
+    covariance = np.empty((3, 3))
+    fresh = np.empty(FIELDS)
+    linear = tuning.proposal != UNSCENTED
+    for particle in range(first, poses.shape[0]):
+        if pages.tally[USED_SLOTS] > slots.size:
+            slots = np.empty(pages.tally[USED_SLOTS], dtype=np.int32)
+        pose = poses[particle].copy()
+        predict(pose, covariance, increment, increment_covariance)
+        if tuning.proposal == MOTION:
+            sample(pose, covariance, normals[particle])
+            covariance[:] = 0.0
+        sensor = sensor_pose(pose, mount)
+        radius = -1.0
+        if tuning.range_gate and tuning.strategy != KNOWN:
+            radius = tuning.range_max_m + tuning.range_margin_m
+        slot_count = slots_near(pages, tuning.cell_m, sensor[0], sensor[1], radius, slots)
+        candidates, identities, places, shared = gather(pages, particle, slots, slot_count)
+        if pages.tally[FREE_PAGES] < shared + count or pages.overflow.size - pages.tally[USED_SLOTS] < count:
+            tallies[SHARED_NEEDED] = shared
+            return particle
+
+        if tuning.strategy == SEQUENTIAL:
+            log_weight, evaluated = associate_sequentially(
+                pose, covariance, mount, candidates, features, order, tuning, chosen
+            )
+        else:
+            if tuning.strategy == KNOWN:
+                evaluated = associate_by_identity(
+                    pose, covariance, mount, candidates, identities, features, feature_identities, tuning, chosen
+                )
+            else:
+                evaluated = associate_simultaneously(pose, covariance, mount, candidates, features, tuning, chosen)
+            log_weight = fold_all(pose, covariance, mount, candidates, features, order, tuning, chosen)
+        log_weights[particle] += log_weight
+        tallies[LIKELIHOODS] += evaluated
+
+        if tuning.proposal != MOTION:
+            sample(pose, covariance, normals[particle])
+        poses[particle] = pose
+        sensor = sensor_pose(pose, mount)
+
+        changed = np.zeros(candidates.shape[0], dtype=np.bool_)
+        for position in range(count):
+            feature = order[position]
+            landmark = chosen[feature]
+            matches[particle, feature] = landmark
+            if landmark >= 0:
+                matches[particle, feature] = identities[landmark]
+                sighting = sighting_of(features, feature)
+                update_landmark(candidates[landmark], sensor, sighting, tuning.single_weights, tuning.spread, linear)
+                candidates[landmark, LOG_ODDS] += tuning.log_odds_seen
+                candidates[landmark, LOG_ODDS] = min(candidates[landmark, LOG_ODDS], tuning.log_odds_max)
+                changed[landmark] = True
+                tallies[MATCHED] += 1
+        if tuning.existence:
+            for index in range(candidates.shape[0]):
+                if not changed[index] and in_clear_view(candidates[index, 0], candidates[index, 1], sensor, sight, tuning):
+                    candidates[index, LOG_ODDS] -= tuning.log_odds_missed
+                    changed[index] = True
+        write_back(pages, particle, candidates, places, changed)
+        if tuning.existence:
+            for index in range(slot_count):
+                if pages.table[particle, slots[index]] != NONE:
+                    tallies[REMOVED] += remove_below(pages, particle, slots[index], tuning.log_odds_remove)
+        for feature in range(count):
+            if chosen[feature] == NEW:
+                new_landmark(
+                    fresh, sensor, sighting_of(features, feature), tuning.single_weights, tuning.spread, linear
+                )
+                fresh[LOG_ODDS] = tuning.log_odds_new
+                append(pages, particle, tuning.cell_m, fresh, new_identities[feature])
+                tallies[CREATED] += 1
+    return poses.shape[0]

@@ -1,0 +1,105 @@
+"""The unscented transform: weights (8), matrix square roots for the points (7), and the moments of a few of them.
+
+The print of (8) has 1 - alpha + beta; the standard form 1 - alpha^2 + beta is used here.
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from slam.compiled import kernel
+
+FloatArray = NDArray[np.float64]
+
+
+class UnscentedSettings(BaseModel):
+    """Spread of the sigma points."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    alpha: float = Field(0.9, gt=0, le=2, description="spread; 0.9 is what the published code runs with")
+    beta: float = Field(2.0, ge=0, le=10, description="weight of the centre in the covariance; 2 is right for a Gaussian")
+    kappa: float = Field(0.0, ge=-2.9, le=10, description="second scale; 0 as published")
+
+
+class UnscentedWeights(NamedTuple):
+    """scale = sqrt(n + lambda); weights of the centre for mean and covariance, and of every other point."""
+
+    scale: float
+    mean_centre: float
+    covariance_centre: float
+    other: float
+
+
+def unscented_weights(dimension: int, settings: UnscentedSettings) -> UnscentedWeights:
+    """Equations (7) and (8) for a state of `dimension` numbers."""
+    spread = settings.alpha**2 * (dimension + settings.kappa)
+    mean_centre = (spread - dimension) / spread
+    return UnscentedWeights(
+        math.sqrt(spread), mean_centre, mean_centre + 1.0 - settings.alpha**2 + settings.beta, 0.5 / spread
+    )
+
+
+def unscented_transform(
+    mean: FloatArray,
+    covariance: FloatArray,
+    function: Callable[[FloatArray], FloatArray],
+    settings: UnscentedSettings,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean (m,), covariance (m, m) and cross covariance (n, m) of function(x) for x ~ N(mean (n,), covariance (n, n)).
+
+    The plain reference form, for vectors without angles; the kernels are held to it by tests.
+    """
+    weights = unscented_weights(mean.size, settings)
+    columns = weights.scale * square_root(covariance)
+    points = np.vstack((mean, mean + columns.T, mean - columns.T))
+    images = np.array([function(point) for point in points])
+    mean_weights = np.full(len(points), weights.other)
+    covariance_weights = mean_weights.copy()
+    mean_weights[0], covariance_weights[0] = weights.mean_centre, weights.covariance_centre
+    image_mean = mean_weights @ images
+    deviations = images - image_mean
+    return (
+        image_mean,
+        (covariance_weights * deviations.T) @ deviations,
+        (covariance_weights * (points - mean).T) @ deviations,
+    )
+
+
+@kernel
+def wrapped(angle: float) -> float:
+    """Angle in (-pi, pi] for an angle that is off by at most one turn or, more slowly, any number of turns."""
+    if angle > math.pi:
+        angle -= 2.0 * math.pi
+    elif angle <= -math.pi:
+        angle += 2.0 * math.pi
+    if angle > math.pi or angle <= -math.pi:
+        angle = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+    return angle
+
+
+@kernel
+def square_root(covariance: FloatArray) -> FloatArray:
+    """Lower triangular L (n, n) with L L^T = covariance; directions without variance get a column of zeros.
+
+    A pivot that rounding made negative counts as zero, so that a semidefinite matrix never fails.
+    """
+    size = covariance.shape[0]
+    root = np.zeros((size, size))
+    for column in range(size):
+        pivot = covariance[column, column]
+        for inner in range(column):
+            pivot -= root[column, inner] * root[column, inner]
+        if pivot <= 1e-15 * covariance[column, column] or pivot <= 0.0:
+            continue
+        root[column, column] = math.sqrt(pivot)
+        for row in range(column + 1, size):
+            value = covariance[row, column]
+            for inner in range(column):
+                value -= root[row, inner] * root[column, inner]
+            root[row, column] = value / root[column, column]
+    return root
