@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.association import Strategy
-from slam.kernels import CREATED, LIKELIHOODS, REMOVED, SHARED_NEEDED, TALLIES, step_particles
+from slam.kernels import CREATED, LIKELIHOODS, REMOVED, SHARED_NEEDED, TALLIES, landmarks_near, step_particles
 from slam.landmarks import LandmarkStore
 from slam.observations import Features, MatchVerdict
 from slam.odometry import Increment
@@ -82,6 +82,12 @@ class FastSlam:
     def mean(self) -> tuple[Pose2, FloatArray]:
         """Weighted mean and covariance (3, 3) of the last scan, before resampling."""
         return weighted_mean(self.weighted_poses, self.weights)
+
+    def map_in_view(self) -> tuple[FloatArray, IntArray]:
+        """Numbers (C, 6) and identities (C,) of the best particle's landmarks around it, in the order of storage."""
+        x, y = self.poses[self.best, :2]
+        view = self._settings.view
+        return landmarks_near(self.store.pages, self.best, self.store.cell_m, x, y, view.range_max_m)
 
     def _usable(self, features: Features) -> IntArray:
         """Indices of features that are finite, within range, and have a positive definite covariance."""

@@ -90,8 +90,8 @@ def in_clear_view(
     if beams <= 0:
         return True
     half_width = math.atan2(tuning.sight_half_width_m, distance) + abs(sight[1])
-    first = int(math.floor((bearing - half_width - sight[0]) / sight[1]))
-    last = int(math.ceil((bearing + half_width - sight[0]) / sight[1]))
+    first = math.floor((bearing - half_width - sight[0]) / sight[1])
+    last = math.ceil((bearing + half_width - sight[0]) / sight[1])
     if first < 0 or last >= beams:
         return False
     for beam in range(first, last + 1):
@@ -111,7 +111,7 @@ def gather(
     for index in range(slot_count):
         page = pages.table[particle, slots[index]]
         if page != NONE:
-            total += pages.count[page]
+            total += pages.filled[page]
             shared += 1 if pages.references[page] > 1 else 0
     numbers = np.empty((total, FIELDS))
     identities = np.empty(total, dtype=np.int64)
@@ -120,13 +120,24 @@ def gather(
     for index in range(slot_count):
         page = pages.table[particle, slots[index]]
         if page != NONE:
-            for place in range(pages.count[page]):
+            for place in range(pages.filled[page]):
                 for field in range(FIELDS):
                     numbers[filled, field] = pages.numbers[page, field, place]
                 identities[filled] = pages.identity[page, place]
                 places[filled, 0], places[filled, 1] = slots[index], place
                 filled += 1
     return numbers, identities, places, shared
+
+
+@kernel
+def landmarks_near(
+    pages: Pages, particle: int, cell_m: float, x: float, y: float, radius_m: float
+) -> tuple[FloatArray, IntArray]:
+    """One particle's landmarks in the cells around a point: numbers (C, 6) and identities (C,)."""
+    slots = np.empty(max(pages.tally[USED_SLOTS], 1), dtype=np.int32)
+    found = slots_near(pages, cell_m, x, y, radius_m, slots)
+    numbers, identities, _, _ = gather(pages, particle, slots, found)
+    return numbers, identities
 
 
 @kernel
@@ -241,4 +252,4 @@ def step_particles(
                 fresh[LOG_ODDS] = tuning.log_odds_new
                 append(pages, particle, tuning.cell_m, fresh, new_identities[feature])
                 tallies[CREATED] += 1
-    return poses.shape[0]
+    return len(poses)

@@ -56,7 +56,7 @@ class LandmarkStore:
             self.pages = self.pages._replace(
                 table=table, overflow=np.append(old.overflow, np.full(more, NONE, dtype=np.int32))
             )
-        count = old.count.size
+        count = old.filled.size
         if free < new_landmarks + shared_pages:
             more = max(new_landmarks + shared_pages, count // 2)
             tally = old.tally.copy()
@@ -67,7 +67,7 @@ class LandmarkStore:
             self.pages = self.pages._replace(
                 numbers=np.concatenate((old.numbers, np.zeros((more, FIELDS, PAGE_LANDMARKS)))),
                 identity=np.concatenate((old.identity, np.zeros((more, PAGE_LANDMARKS), dtype=np.int64))),
-                count=np.append(old.count, np.zeros(more, dtype=np.int32)),
+                filled=np.append(old.filled, np.zeros(more, dtype=np.int32)),
                 references=np.append(old.references, np.zeros(more, dtype=np.int32)),
                 free=stack,
                 tally=tally,
@@ -85,20 +85,20 @@ class LandmarkStore:
         """Identities (L,) and numbers (L, 6) of one particle in the order of storage."""
         row = self.pages.table[particle, : self.pages.tally[USED_SLOTS]]
         own = row[row != NONE]
-        filled = np.arange(PAGE_LANDMARKS) < self.pages.count[own][:, np.newaxis]
+        filled = np.arange(PAGE_LANDMARKS) < self.pages.filled[own][:, np.newaxis]
         return self.pages.identity[own][filled], self.pages.numbers[own].transpose(0, 2, 1)[filled]
 
     def count_of(self, particle: int) -> int:
         """Number of landmarks of one particle."""
         row = self.pages.table[particle, : self.pages.tally[USED_SLOTS]]
-        return int(self.pages.count[row[row != NONE]].sum())
+        return int(self.pages.filled[row[row != NONE]].sum())
 
     def allocated_bytes(self) -> int:
         """Memory of all arrays."""
-        return sum(array.nbytes for array in self.pages)
+        return int(sum(array.nbytes for array in self.pages))
 
     def used_bytes(self) -> int:
         """Memory of the pages in use and of the tables."""
-        pages = self.pages.count.size - int(self.pages.tally[FREE_PAGES])
+        pages = self.pages.filled.size - int(self.pages.tally[FREE_PAGES])
         page_bytes = self.pages.numbers[0].nbytes + self.pages.identity[0].nbytes + 12
         return pages * page_bytes + self.pages.table.nbytes + self.pages.overflow.nbytes + self.pages.grid.nbytes

@@ -27,14 +27,14 @@ NONE = -1
 class Pages(NamedTuple):
     """All arrays of the store.
 
-    numbers (P, 6, 8): mean x, y m, covariance xx, xy, yy m^2, existence log-odds; identity (P, 8); count, references (P,);
+    numbers (P, 6, 8): mean x, y m, covariance xx, xy, yy m^2, existence log-odds; identity (P, 8); filled, references (P,);
     table (M, S) page of a slot; overflow (S,) next slot of the same cell; grid (I, J) first slot of a cell; origin (2,)
     cell coordinates of grid[0, 0]; free (P,) stack of unused pages; tally (2,) free pages and used slots.
     """
 
     numbers: FloatArray
     identity: IntArray
-    count: ShortArray
+    filled: ShortArray
     references: ShortArray
     table: ShortArray
     overflow: ShortArray
@@ -47,8 +47,8 @@ class Pages(NamedTuple):
 @kernel
 def cell_index(pages: Pages, cell_m: float, x: float, y: float) -> tuple[int, int]:
     """Row and column of the grid for a point; outside of the grid its edge cell, so that nothing is ever lost."""
-    row = int(math.floor(x / cell_m)) - pages.origin[0]
-    column = int(math.floor(y / cell_m)) - pages.origin[1]
+    row = math.floor(x / cell_m) - pages.origin[0]
+    column = math.floor(y / cell_m) - pages.origin[1]
     row = min(max(row, 0), pages.grid.shape[0] - 1)
     column = min(max(column, 0), pages.grid.shape[1] - 1)
     return row, column
@@ -69,7 +69,7 @@ def take_free(pages: Pages) -> int:
     pages.tally[FREE_PAGES] -= 1
     page = pages.free[pages.tally[FREE_PAGES]]
     pages.references[page] = 1
-    pages.count[page] = 0
+    pages.filled[page] = 0
     return page
 
 
@@ -84,7 +84,7 @@ def writable(pages: Pages, particle: int, slot: int) -> int:
         own = take_free(pages)
         pages.numbers[own] = pages.numbers[page]
         pages.identity[own] = pages.identity[page]
-        pages.count[own] = pages.count[page]
+        pages.filled[own] = pages.filled[page]
         pages.references[page] -= 1
         pages.table[particle, slot] = own
         page = own
@@ -98,7 +98,7 @@ def append(pages: Pages, particle: int, cell_m: float, landmark: FloatArray, ide
     slot, last = pages.grid[row, column], NONE
     while slot != NONE:
         page = pages.table[particle, slot]
-        if page == NONE or pages.count[page] < PAGE_LANDMARKS:
+        if page == NONE or pages.filled[page] < PAGE_LANDMARKS:
             break
         last, slot = slot, pages.overflow[slot]
     if slot == NONE:
@@ -109,11 +109,11 @@ def append(pages: Pages, particle: int, cell_m: float, landmark: FloatArray, ide
         else:
             pages.overflow[last] = slot
     page = writable(pages, particle, slot)
-    place = pages.count[page]
+    place = pages.filled[page]
     for field in range(FIELDS):
         pages.numbers[page, field, place] = landmark[field]
     pages.identity[page, place] = identity
-    pages.count[page] = place + 1
+    pages.filled[page] = place + 1
 
 
 @kernel
@@ -121,20 +121,20 @@ def remove_below(pages: Pages, particle: int, slot: int, log_odds: float) -> int
     """Remove this particle's landmarks of one slot whose log-odds are below the bound; returns how many."""
     page = pages.table[particle, slot]
     doomed = 0
-    for place in range(pages.count[page]):
+    for place in range(pages.filled[page]):
         if pages.numbers[page, LOG_ODDS, place] < log_odds:
             doomed += 1
     if doomed == 0:
         return 0
     page = writable(pages, particle, slot)
     kept = 0
-    for place in range(pages.count[page]):
+    for place in range(pages.filled[page]):
         if pages.numbers[page, LOG_ODDS, place] >= log_odds:
             for field in range(FIELDS):
                 pages.numbers[page, field, kept] = pages.numbers[page, field, place]
             pages.identity[page, kept] = pages.identity[page, place]
             kept += 1
-    pages.count[page] = kept
+    pages.filled[page] = kept
     if kept == 0:
         release(pages, page)
         pages.table[particle, slot] = NONE

@@ -1,0 +1,179 @@
+"""The only door into slam: scans and wheel samples in, the pose with its covariance out."""
+
+import hashlib
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.measurements import Scan, ScanLike, WheelSample
+from slam.estimate import Estimate, Quality
+from slam.fastslam import NO_SIGHT, FastSlam, ScanOutcome
+from slam.front_end import Twist, make_front_end
+from slam.joint import JointGaussian
+from slam.observations import Features
+from slam.odometry import Increment, Odometry
+from slam.pose import Pose2
+from slam.quality import judge
+from slam.settings import SlamSettings
+from slam.warm_up import TICK_NS, warm_up_drive, warm_up_settings
+
+FloatArray = NDArray[np.float64]
+
+
+class Estimator:
+    """Landmark estimation and Unscented FastSLAM with a joint Gaussian beside it, whose pose is published.
+
+    Deterministic: the same settings, seed and inputs give the same bits. Stamps are the only time it knows.
+    """
+
+    def __init__(self, settings: SlamSettings, seed: int) -> None:
+        self._settings = settings
+        self._generator = np.random.default_rng(seed)
+        mount = settings.mount.as_pose()
+        techniques = settings.techniques
+        self._odometry = Odometry(settings.odometry, settings.unscented)
+        self._front_end = make_front_end(settings.front_end, techniques.difference, techniques.sparse, mount)
+        self._particles = FastSlam(settings, self._generator)
+        self._joint = JointGaussian(settings.joint, mount)
+        self._scan_ns: int | None = None
+        self._refused_scans = 0
+        self._not_finite = 0
+        self._hash = bytes(16)
+
+    def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
+        """The estimate at stamp_ns from everything up to then; without a scan a prediction from the wheels."""
+        self._odometry.add(wheels)
+        if scan is None or not self._is_new(scan):
+            return self._predicted(stamp_ns)
+        self._scan_ns = scan.stamp_ns
+        increment = self._odometry.take_until(scan.stamp_ns)
+        twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
+        features, verdicts = self._front_end.observe(
+            scan, self._odometry.odom_from_body, twist, increment.at_rest
+        )
+        outcome = self._particles.step(increment, features, sight_line(scan))
+        self._joint.step(increment.mean, increment.covariance, features, outcome.matches)
+        self._chain_hash(outcome)
+        return self._with_scan(stamp_ns, increment, features, verdicts, outcome)
+
+    def state_hash(self) -> bytes:
+        """16 bytes over everything that the next step depends on; two runs agree in it only if they agree in all."""
+        return self._hash
+
+    @classmethod
+    def warm_up(cls, settings: SlamSettings | None = None) -> None:
+        """Compile every kernel, or load it from the cache, so that the first tick is as quick as the others."""
+        short = warm_up_settings(settings or SlamSettings())
+        estimator = cls(short, 0)
+        for stamp_ns, sightings, wheels in warm_up_drive(short):
+            estimator.step(stamp_ns, sightings, wheels)
+        estimator.step(stamp_ns + TICK_NS, None, ())
+
+    def _is_new(self, scan: ScanLike) -> bool:
+        """False for a scan whose time stands still or runs backwards: ignored and counted."""
+        if self._scan_ns is not None and scan.stamp_ns <= self._scan_ns:
+            self._refused_scans += 1
+            return False
+        return True
+
+    def _predicted(self, stamp_ns: int) -> Estimate:
+        """Pose at the last scan moved on by the wheels, its covariance grown by theirs."""
+        return Estimate(stamp_ns=stamp_ns, **self._poses_at(stamp_ns), counts=self._counts())
+
+    def _with_scan(
+        self,
+        stamp_ns: int,
+        increment: Increment,
+        features: Features,
+        verdicts: NDArray[np.uint8],
+        outcome: ScanOutcome,
+    ) -> Estimate:
+        """The same with all that a reviewer wants to know of this scan."""
+        counts = self._counts() | {
+            "features": float(len(features)),
+            "matched": float((outcome.matches >= 0).sum()),
+            "created": outcome.created,
+            "removed": outcome.removed,
+            "likelihoods": float(outcome.likelihoods),
+            "effective_particles": outcome.effective,
+            "resampled": float(outcome.resampled),
+            "at_rest": float(increment.at_rest),
+            "odometry_known": float(increment.known),
+        }
+        due = self._particles.scans % self._settings.map_every == 0
+        return Estimate(
+            stamp_ns=stamp_ns,
+            **self._poses_at(stamp_ns),
+            particles=self._particles.weighted_poses,
+            particle_weights=self._particles.weights,
+            features=features,
+            matches=outcome.matches,
+            beam_verdicts=verdicts,
+            landmarks=self._joint.landmarks() if due else None,
+            counts=counts,
+        )
+
+    def _poses_at(self, stamp_ns: int) -> dict[str, Any]:
+        """The pose fields of an Estimate at stamp_ns, which is at or after the last scan."""
+        particle_mean, particle_covariance = self._particles.mean()
+        pose, covariance = self._joint.map_from_body, self._joint.covariance
+        if not (np.isfinite(covariance).all() and np.isfinite(pose.as_array()).all()):
+            self._not_finite += 1
+            pose, covariance = particle_mean, particle_covariance
+        gap_m = math.hypot(pose.x_m - particle_mean.x_m, pose.y_m - particle_mean.y_m)
+        since = self._odometry.predicted(stamp_ns)
+        moved = since.as_pose()
+        blind_s = since.duration_s if self._scan_ns is not None else math.inf
+        grown = compound(pose, covariance, since)
+        quality: Quality = judge(self._settings.quality, grown, gap_m, blind_s)
+        return {
+            "map_from_body": pose @ moved,
+            "covariance": grown,
+            "particle_mean": particle_mean @ moved,
+            "particle_covariance": compound(particle_mean, particle_covariance, since),
+            "odom_from_body": self._odometry.odom_from_body @ moved,
+            "quality": quality,
+        }
+
+    def _counts(self) -> dict[str, float]:
+        """Figures that every tick has."""
+        refused = {f"{name}_refused": float(number) for name, number in self._odometry.refused.items() if number}
+        return refused | {
+            "landmarks": float(self._particles.store.count_of(self._particles.best)),
+            "scan_stamps_refused": float(self._refused_scans),
+            "not_finite": float(self._not_finite),
+        }
+
+    def _chain_hash(self, outcome: ScanOutcome) -> None:
+        """Fold what this scan changed into the hash: poses, weights, generator, the best map in view, the joint Gaussian."""
+        particles = self._particles
+        digest = hashlib.blake2b(self._hash, digest_size=16)
+        for array in (particles.poses, particles.log_weights, outcome.matches, *particles.map_in_view()):
+            digest.update(np.ascontiguousarray(array).data)
+        digest.update(repr(self._generator.bit_generator.state).encode())
+        digest.update(self._joint.state_bytes())
+        self._hash = digest.digest()
+
+
+def compound(pose: Pose2, covariance: FloatArray, increment: Increment) -> FloatArray:
+    """Covariance (3, 3) of pose (+) increment, first order."""
+    moved = pose @ increment.as_pose()
+    by_pose = np.eye(3)
+    by_pose[0, 2], by_pose[1, 2] = pose.y_m - moved.y_m, moved.x_m - pose.x_m
+    cosine, sine = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    turned = np.array(((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)))
+    total: FloatArray = by_pose @ covariance @ by_pose.T + turned @ increment.covariance @ turned.T
+    return 0.5 * (total + total.T)
+
+
+def sight_line(scan: ScanLike) -> FloatArray:
+    """The scan as slam.kernels takes it, (3 + N,): first bearing, bearing step, range of no return, ranges."""
+    if not isinstance(scan, Scan) or scan.ranges_m.size < 2:
+        return NO_SIGHT
+    bearings = scan.bearings_rad
+    step = (float(bearings[-1]) - float(bearings[0])) / (bearings.size - 1)
+    if not math.isfinite(step) or step <= 0.0:
+        return NO_SIGHT
+    return np.concatenate(((float(bearings[0]), step, scan.range_max_m), scan.ranges_m.astype(np.float64)))
