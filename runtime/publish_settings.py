@@ -1,0 +1,38 @@
+"""Settings of what the rover tells the world over zenoh."""
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Endpoint = str
+
+
+class PublishSettings(BaseModel):
+    """Where the rover is reached and how much it says. Nothing in here makes the loop wait."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    enabled: bool = Field(True, description="false: no session is opened and nothing is published")
+    connect: tuple[Endpoint, ...] = Field(
+        ("tcp/127.0.0.1:7447",),
+        description="routers and peers to connect to, again and again until they answer; 7447 is zenoh's own port",
+    )
+    listen: tuple[Endpoint, ...] = Field(
+        ("tcp/127.0.0.1:7448",),
+        description="where tools on this machine reach the rover without a router; the next free port if it is taken",
+    )
+    config_file: str | None = Field(
+        None,
+        min_length=1,
+        description="zenoh configuration (JSON5) to start from, for TLS and access rules; connect and listen still apply",
+    )
+    queue: int = Field(20, ge=1, le=1000, description="ticks that may wait; when full the oldest goes: 2 s at 10 Hz")
+    scan_hz: float = Field(
+        2.0, ge=0.0, le=50.0, description="scans per second on the key scan; 0 sends none, 2 suffice to look at"
+    )
+    scan_beam_step: int = Field(3, ge=1, le=100, description="every n-th beam of it; 3 leaves 361 of 1081")
+    landmarks_hz: float = Field(1.0, ge=0.0, le=10.0, description="maps of landmarks per second; 0 sends none")
+    status_hz: float = Field(1.0, ge=0.1, le=10.0, description="status and health messages per second")
+    ros2: bool = Field(False, description="also publish pose, odometry and TF on the keys of ROS 2's rmw_zenoh")
+    ros2_domain: int = Field(0, ge=0, le=232, description="ROS_DOMAIN_ID of the nodes that shall see them")
+    lease_ms: int = Field(
+        3000, ge=500, le=60000, description="ms of silence after which a peer is taken for gone; zenoh's 10 s is long on Wi-Fi"
+    )

@@ -1,0 +1,18 @@
+"""Settings of the picture that a run leaves behind (review.rrd)."""
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class ReviewSettings(BaseModel):
+    """How much of a run is drawn. All of it can be made again from run.mcap with other settings."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    live: bool = Field(True, description="draw while driving, in a process of its own; infant review makes it later too")
+    scan_every: int = Field(1, ge=1, le=100, description="laser points of every n-th tick; 1 costs 4 MB a minute at 1081 beams")
+    particles_every: int = Field(1, ge=1, le=100, description="particles of every n-th tick")
+    batch_ticks: int = Field(10, ge=1, le=1000, description="ticks per write: 1 s, which is also what a power cut loses")
+    queue: int = Field(
+        4000, ge=100, le=100000, description="records that may wait for the drawing process; 40 s at 100 records/s"
+    )
+    sigmas: float = Field(2.0, gt=0.0, le=10.0, description="half axes of covariance ellipses, in standard deviations")
