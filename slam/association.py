@@ -21,9 +21,10 @@ from slam.proposals import (
     log_likelihood,
     squared_distance,
     unscented_moments,
+    with_noise,
 )
 from slam.tuning import Tuning
-from slam.unscented import square_root
+from slam.unscented import square_root_into
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -109,14 +110,16 @@ def best_landmark(
     sighting: Sighting,
     tuning: Tuning,
     bound: float,
-) -> tuple[int, float, int, float, int]:
-    """The likeliest free landmark by (4) and its squared distance, the likeliest of all, the least squared distance, and how
-    many likelihoods that took; -1 where there is none."""
+) -> tuple[int, float, Moments, int, float, int]:
+    """The likeliest free landmark by (4), its squared distance and prediction; then, over all landmarks, the likeliest and the
+    least squared distance; and how many likelihoods that took. -1 stands for none.
+    """
     sensor_x, sensor_y, heading = sensor_pose(pose, mount)
     x = sensor_x + sighting.range_m * math.cos(heading + sighting.bearing_rad)
     y = sensor_y + sighting.range_m * math.sin(heading + sighting.bearing_rad)
     radius = reach(covariance, sighting, bound)
     free, free_distance, free_log = -1, math.inf, -math.inf
+    free_moments = Moments(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     likeliest, likeliest_log, least, evaluated = -1, -math.inf, math.inf, 0
     for index in range(candidates.shape[0]):
         if tuning.range_gate:
@@ -133,8 +136,8 @@ def best_landmark(
         if log > likeliest_log:
             likeliest, likeliest_log = index, log
         if not used[index] and log > free_log:
-            free, free_log, free_distance = index, log, distance
-    return free, free_distance, likeliest, least, evaluated
+            free, free_log, free_distance, free_moments = index, log, distance, moments
+    return free, free_distance, free_moments, likeliest, least, evaluated
 
 
 @kernel
@@ -165,12 +168,13 @@ def associate_sequentially(
     widest = max(-2.0 * tuning.match_floor, tuning.create_distance) if tuning.density else -2.0 * tuning.match_fixed
     log_weight, evaluated = 0.0, 0
     chosen[:] = PENDING
-    root = square_root(covariance)
+    root = np.empty((3, 3))
+    square_root_into(covariance, root)
     for position in range(order.size):
         feature = order[position]
         while chosen[feature] == PENDING:
             sighting = sighting_of(features, feature)
-            free, distance, likeliest, least, looked = best_landmark(
+            free, distance, moments, likeliest, least, looked = best_landmark(
                 pose, covariance, root, mount, candidates, used, sighting, tuning, widest
             )
             evaluated += looked
@@ -185,15 +189,14 @@ def associate_sequentially(
                 gap = abs(features[rival, 0] - features[feature, 0])
                 if chosen[rival] == PENDING and gap * gap < widest * 4.0 * (sighting.rr + features[rival, 2]) + 1.0:
                     claim = sighting_of(features, rival)
-                    moments = moments_of(pose, covariance, root, mount, candidates[free], claim, tuning)
-                    rival_distance = squared_distance(moments, claim)
+                    rival_distance = squared_distance(with_noise(moments, sighting, claim), claim)
                     if rival_distance < distance:
                         taker, distance = rival, rival_distance
             winner = sighting_of(features, taker)
-            moments = moments_of(pose, covariance, root, mount, candidates[free], winner, tuning)
+            moments = with_noise(moments, sighting, winner)
             log_weight += log_likelihood(moments, squared_distance(moments, winner))
             fold_in(pose, covariance, moments, winner)
-            root = square_root(covariance)
+            square_root_into(covariance, root)
             chosen[taker] = free
             used[free] = True
     return log_weight, evaluated
@@ -212,13 +215,14 @@ def fold_all(
 ) -> float:
     """Fold matches that are already decided into the pose, new sigma points for each; returns the log weight."""
     log_weight = 0.0
+    root = np.empty((3, 3))
     for position in range(order.size):
         feature = order[position]
         if chosen[feature] < 0:
             log_weight += tuning.log_unmatched if chosen[feature] != OUT_OF_RANGE else 0.0
             continue
         sighting = sighting_of(features, feature)
-        root = square_root(covariance)
+        square_root_into(covariance, root)
         moments = moments_of(pose, covariance, root, mount, candidates[chosen[feature]], sighting, tuning)
         distance = squared_distance(moments, sighting)
         if distance < math.inf:
@@ -246,10 +250,11 @@ def associate_simultaneously(
     used = np.zeros(candidates.shape[0], dtype=np.bool_)
     distances = np.empty(count)
     widest = max(-2.0 * tuning.match_floor, tuning.create_distance) if tuning.density else -2.0 * tuning.match_fixed
-    root = square_root(covariance)
+    root = np.empty((3, 3))
+    square_root_into(covariance, root)
     evaluated = 0
     for feature in range(count):
-        free, distance, _, least, looked = best_landmark(
+        free, distance, _, _, least, looked = best_landmark(
             pose, covariance, root, mount, candidates, used, sighting_of(features, feature), tuning, widest
         )
         evaluated += looked
@@ -280,7 +285,8 @@ def associate_by_identity(
     chosen: IntArray,
 ) -> int:
     """Match equal identities inside a wide gate; a feature without identity is left alone. Returns the likelihoods."""
-    root = square_root(covariance)
+    root = np.empty((3, 3))
+    square_root_into(covariance, root)
     evaluated = 0
     for feature in range(features.shape[0]):
         chosen[feature] = NEW if feature_identities[feature] >= 0 else UNLICENSED

@@ -9,6 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.angles import wrapped
 from slam.association import (
     NEW,
     Strategy,
@@ -27,6 +28,8 @@ from slam.pages import (
     NONE,
     USED_SLOTS,
     Pages,
+    X,
+    Y,
     append,
     remove_below,
     slots_near,
@@ -34,7 +37,7 @@ from slam.pages import (
 )
 from slam.proposals import Proposal
 from slam.tuning import Tuning
-from slam.unscented import square_root, wrapped
+from slam.unscented import square_root_into
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -66,7 +69,8 @@ def predict(pose: FloatArray, covariance: FloatArray, increment: FloatArray, inc
 @kernel
 def sample(pose: FloatArray, covariance: FloatArray, normals: FloatArray) -> None:
     """Draw from N(pose, covariance) in place with three standard normal numbers."""
-    root = square_root(covariance)
+    root = np.empty((3, 3))
+    square_root_into(covariance, root)
     for row in range(3):
         for column in range(row + 1):
             pose[row] += root[row, column] * normals[column]
@@ -103,10 +107,12 @@ def in_clear_view(
 
 @kernel
 def gather(
-    pages: Pages, particle: int, slots: ShortArray, slot_count: int
+    pages: Pages, particle: int, slots: ShortArray, slot_count: int, x: float, y: float, radius_m: float
 ) -> tuple[FloatArray, IntArray, ShortArray, int]:
-    """Copies of this particle's landmarks in the slots: numbers (C, 6), identities (C,), (slot, place) (C, 2); and how many of
-    the slots' pages are shared with other particles."""
+    """Copies of this particle's landmarks in the slots that lie within a radius of (x, y); below zero: all of them.
+
+    Returns numbers (C, 6), identities (C,), (slot, place) (C, 2), and how many of the pages are shared with other particles.
+    """
     total, shared = 0, 0
     for index in range(slot_count):
         page = pages.table[particle, slots[index]]
@@ -117,16 +123,20 @@ def gather(
     identities = np.empty(total, dtype=np.int64)
     places = np.empty((total, 2), dtype=np.int32)
     filled = 0
+    square = radius_m * radius_m if radius_m >= 0.0 else math.inf
     for index in range(slot_count):
         page = pages.table[particle, slots[index]]
         if page != NONE:
             for place in range(pages.filled[page]):
+                dx, dy = pages.numbers[page, X, place] - x, pages.numbers[page, Y, place] - y
+                if dx * dx + dy * dy > square:
+                    continue
                 for field in range(FIELDS):
                     numbers[filled, field] = pages.numbers[page, field, place]
                 identities[filled] = pages.identity[page, place]
                 places[filled, 0], places[filled, 1] = slots[index], place
                 filled += 1
-    return numbers, identities, places, shared
+    return numbers[:filled], identities[:filled], places[:filled], shared
 
 
 @kernel
@@ -136,7 +146,7 @@ def landmarks_near(
     """One particle's landmarks in the cells around a point: numbers (C, 6) and identities (C,)."""
     slots = np.empty(max(pages.tally[USED_SLOTS], 1), dtype=np.int32)
     found = slots_near(pages, cell_m, x, y, radius_m, slots)
-    numbers, identities, _, _ = gather(pages, particle, slots, found)
+    numbers, identities, _, _ = gather(pages, particle, slots, found, x, y, radius_m)
     return numbers, identities
 
 
@@ -196,7 +206,9 @@ def step_particles(
         if tuning.range_gate and tuning.strategy != KNOWN:
             radius = tuning.range_max_m + tuning.range_margin_m
         slot_count = slots_near(pages, tuning.cell_m, sensor[0], sensor[1], radius, slots)
-        candidates, identities, places, shared = gather(pages, particle, slots, slot_count)
+        candidates, identities, places, shared = gather(
+            pages, particle, slots, slot_count, sensor[0], sensor[1], radius
+        )
         if pages.tally[FREE_PAGES] < shared + count or pages.overflow.size - pages.tally[USED_SLOTS] < count:
             tallies[SHARED_NEEDED] = shared
             return particle

@@ -5,8 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.angles import angle_between, cosine_sine, wrapped
 from slam.compiled import kernel
-from slam.proposals import Sighting, half_turn, landmark_root
+from slam.proposals import Sighting, landmark_root
 from slam.unscented import UnscentedWeights
 
 FloatArray = NDArray[np.float64]
@@ -50,7 +51,7 @@ def update_landmark(
             step_x = sign * first_x if column % 2 == 0 else 0.0
             step_y = sign * (first_y if column % 2 == 0 else second_y)
             x, y = dx + step_x, dy + step_y
-            r, b = math.sqrt(x * x + y * y) - distance, half_turn(math.atan2(y, x) - direction)
+            r, b = math.sqrt(x * x + y * y) - distance, angle_between(dx, dy, x, y)
             sum_r += r
             sum_b += b
             rr += r * r
@@ -70,9 +71,8 @@ def update_landmark(
     determinant = rr * bb - rb * rb
     if not determinant > 0.0:
         return
-    turns = (sighting.bearing_rad - direction + sensor[2] - mean_b) / (2.0 * math.pi)
     innovation_r = sighting.range_m - distance - mean_r
-    innovation_b = (turns - math.floor(turns + 0.5)) * 2.0 * math.pi
+    innovation_b = wrapped(sighting.bearing_rad - direction + sensor[2] - mean_b)
     gain_x_r, gain_x_b = (x_r * bb - x_b * rb) / determinant, (x_b * rr - x_r * rb) / determinant
     gain_y_r, gain_y_b = (y_r * bb - y_b * rb) / determinant, (y_b * rr - y_r * rb) / determinant
     landmark[0] += gain_x_r * innovation_r + gain_x_b * innovation_b
@@ -111,8 +111,9 @@ def new_landmark(
         sign = weights.scale if column < 2 else -weights.scale
         step_r = sign * first_r if column % 2 == 0 else 0.0
         step_b = sign * (first_b if column % 2 == 0 else second_b)
-        x = (distance + step_r) * math.cos(direction + step_b) - distance * cosine
-        y = (distance + step_r) * math.sin(direction + step_b) - distance * sine
+        turn_cosine, turn_sine = cosine_sine(step_b)
+        x = (distance + step_r) * (cosine * turn_cosine - sine * turn_sine) - distance * cosine
+        y = (distance + step_r) * (sine * turn_cosine + cosine * turn_sine) - distance * sine
         sum_x += x
         sum_y += y
         xx += x * x

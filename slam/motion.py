@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.compiled import kernel
-from slam.unscented import UnscentedWeights, square_root
+from slam.unscented import UnscentedWeights, square_root_into
 
 FloatArray = NDArray[np.float64]
 
@@ -70,9 +70,10 @@ def accumulate(
     """
     points = np.empty((11, 5))
     images = np.empty((11, 3))
+    root = np.empty((3, 3))
     for row in range(segments.shape[0]):
         duration, lateral = segments[row, 0], segments[row, 3]
-        root = square_root(covariance)
+        square_root_into(covariance, root)
         for point in range(11):
             points[point, 0], points[point, 1], points[point, 2] = mean[0], mean[1], mean[2]
             points[point, 3], points[point, 4] = segments[row, 1], segments[row, 2]

@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slam.angles import angle_between, cosine_sine, half_turn, wrapped
 from slam.compiled import kernel
-from slam.unscented import UnscentedWeights, wrapped
+from slam.unscented import UnscentedWeights
 
 FloatArray = NDArray[np.float64]
 
@@ -55,16 +56,6 @@ class Moments(NamedTuple):
     y_b: float
     h_r: float
     h_b: float
-
-
-@kernel
-def half_turn(angle: float) -> float:
-    """Wrap an angle that is off by at most one turn."""
-    if angle > math.pi:
-        return angle - 2.0 * math.pi
-    if angle <= -math.pi:
-        return angle + 2.0 * math.pi
-    return angle
 
 
 @kernel
@@ -118,46 +109,29 @@ def unscented_moments(
 ) -> Moments:
     """By 11 sigma points of (pose, landmark), n = 5: root (3, 3) is the lower square root of the pose covariance.
 
-    spread = beta - alpha^2, which is what the centre's two weights leave over once all deviations e_i are taken from the centre's
-    own image: with s = w sum e_i, mean = s and S = w sum e_i e_i^T + spread s s^T. Bearings are wrapped about the centre.
+    All deviations e_i are taken from the centre's own image, so that bearings wrap about it. With s = w sum e_i the mean is
+    s and S = w sum e_i e_i^T + spread s s^T, spread = beta - alpha^2: that is what the centre's two weights (8) leave over.
     """
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
-    mount_cosine, mount_sine = math.cos(mount[2]), math.sin(mount[2])
-    ahead, left = _seen_from(pose[0], pose[1], cosine, sine, mount, mount_cosine, mount_sine, landmark[0], landmark[1])
-    range_0, bearing_0 = math.sqrt(ahead * ahead + left * left), math.atan2(left, ahead)
+    dx, dy = landmark[0] - pose[0], landmark[1] - pose[1]
+    # the landmark in the body frame, and as seen from the sensor with axes parallel to the body's
+    body_x, body_y = cosine * dx + sine * dy, cosine * dy - sine * dx
+    x_0, y_0 = body_x - mount[0], body_y - mount[1]
+    range_0 = math.sqrt(x_0 * x_0 + y_0 * y_0)
     sum_r = sum_b = rr = rb = bb = 0.0
     x_r = x_b = y_r = y_b = h_r = h_b = 0.0
     for column in range(3):
-        # the two points of a column turn by the same angle, one each way: one sine and cosine serves both
         step_x, step_y = weights.scale * root[0, column], weights.scale * root[1, column]
         step_h = weights.scale * root[2, column]
-        turn_cosine, turn_sine = math.cos(step_h), math.sin(step_h)
-        ahead, left = _seen_from(
-            pose[0] + step_x,
-            pose[1] + step_y,
-            cosine * turn_cosine - sine * turn_sine,
-            sine * turn_cosine + cosine * turn_sine,
-            mount,
-            mount_cosine,
-            mount_sine,
-            landmark[0],
-            landmark[1],
-        )
-        plus_r = math.sqrt(ahead * ahead + left * left) - range_0
-        plus_b = half_turn(math.atan2(left, ahead) - bearing_0)
-        ahead, left = _seen_from(
-            pose[0] - step_x,
-            pose[1] - step_y,
-            cosine * turn_cosine + sine * turn_sine,
-            sine * turn_cosine - cosine * turn_sine,
-            mount,
-            mount_cosine,
-            mount_sine,
-            landmark[0],
-            landmark[1],
-        )
-        minus_r = math.sqrt(ahead * ahead + left * left) - range_0
-        minus_b = half_turn(math.atan2(left, ahead) - bearing_0)
+        # the two points of a column turn by the same angle, one each way: one sine and cosine serves both
+        turn_cosine, turn_sine = cosine_sine(step_h)
+        moved_x, moved_y = cosine * step_x + sine * step_y, cosine * step_y - sine * step_x
+        x, y = body_x - moved_x, body_y - moved_y
+        x, y = turn_cosine * x + turn_sine * y - mount[0], turn_cosine * y - turn_sine * x - mount[1]
+        plus_r, plus_b = math.sqrt(x * x + y * y) - range_0, angle_between(x_0, y_0, x, y)
+        x, y = body_x + moved_x, body_y + moved_y
+        x, y = turn_cosine * x - turn_sine * y - mount[0], turn_cosine * y + turn_sine * x - mount[1]
+        minus_r, minus_b = math.sqrt(x * x + y * y) - range_0, angle_between(x_0, y_0, x, y)
         sum_r += plus_r + minus_r
         sum_b += plus_b + minus_b
         rr += plus_r * plus_r + minus_r * minus_r
@@ -174,19 +148,8 @@ def unscented_moments(
         sign = weights.scale if column < 2 else -weights.scale
         step_x = sign * first_x if column % 2 == 0 else 0.0
         step_y = sign * (first_y if column % 2 == 0 else second_y)
-        ahead, left = _seen_from(
-            pose[0],
-            pose[1],
-            cosine,
-            sine,
-            mount,
-            mount_cosine,
-            mount_sine,
-            landmark[0] + step_x,
-            landmark[1] + step_y,
-        )
-        plus_r = math.sqrt(ahead * ahead + left * left) - range_0
-        plus_b = half_turn(math.atan2(left, ahead) - bearing_0)
+        x, y = x_0 + cosine * step_x + sine * step_y, y_0 + cosine * step_y - sine * step_x
+        plus_r, plus_b = math.sqrt(x * x + y * y) - range_0, angle_between(x_0, y_0, x, y)
         sum_r += plus_r
         sum_b += plus_b
         rr += plus_r * plus_r
@@ -196,7 +159,7 @@ def unscented_moments(
     mean_r, mean_b = w * sum_r, w * sum_b
     return Moments(
         range_0 + mean_r,
-        half_turn(bearing_0 + mean_b),
+        wrapped(math.atan2(y_0, x_0) - mount[2] + mean_b),
         w * rr + spread * mean_r * mean_r + noise.rr,
         w * rb + spread * mean_r * mean_b + noise.rb,
         w * bb + spread * mean_b * mean_b + noise.bb,
@@ -210,21 +173,21 @@ def unscented_moments(
 
 
 @kernel
-def _seen_from(
-    x: float,
-    y: float,
-    cosine: float,
-    sine: float,
-    mount: FloatArray,
-    mount_cosine: float,
-    mount_sine: float,
-    landmark_x: float,
-    landmark_y: float,
-) -> tuple[float, float]:
-    """The landmark ahead of and left of the sensor, m."""
-    dx, dy = landmark_x - x, landmark_y - y
-    ahead, left = cosine * dx + sine * dy - mount[0], cosine * dy - sine * dx - mount[1]
-    return mount_cosine * ahead + mount_sine * left, mount_cosine * left - mount_sine * ahead
+def with_noise(moments: Moments, old: Sighting, new: Sighting) -> Moments:
+    """The same prediction for another feature: only the sensor's own noise differs."""
+    return Moments(
+        moments.range_m,
+        moments.bearing_rad,
+        moments.rr - old.rr + new.rr,
+        moments.rb - old.rb + new.rb,
+        moments.bb - old.bb + new.bb,
+        moments.x_r,
+        moments.x_b,
+        moments.y_r,
+        moments.y_b,
+        moments.h_r,
+        moments.h_b,
+    )
 
 
 @kernel

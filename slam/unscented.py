@@ -70,36 +70,33 @@ def unscented_transform(
     )
 
 
-@kernel
-def wrapped(angle: float) -> float:
-    """Angle in (-pi, pi] for an angle that is off by at most one turn or, more slowly, any number of turns."""
-    if angle > math.pi:
-        angle -= 2.0 * math.pi
-    elif angle <= -math.pi:
-        angle += 2.0 * math.pi
-    if angle > math.pi or angle <= -math.pi:
-        angle = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
-    return angle
-
-
-@kernel
 def square_root(covariance: FloatArray) -> FloatArray:
-    """Lower triangular L (n, n) with L L^T = covariance; directions without variance get a column of zeros.
+    """Lower triangular L (n, n) with L L^T = covariance, as square_root_into makes it."""
+    root = np.zeros(covariance.shape)
+    square_root_into(covariance, root)
+    return root
+
+
+@kernel
+def square_root_into(covariance: FloatArray, root: FloatArray) -> None:
+    """Write lower triangular L (n, n) with L L^T = covariance; directions without variance get a column of zeros.
 
     A pivot that rounding made negative counts as zero, so that a semidefinite matrix never fails.
     """
     size = covariance.shape[0]
-    root = np.zeros((size, size))
     for column in range(size):
         pivot = covariance[column, column]
         for inner in range(column):
             pivot -= root[column, inner] * root[column, inner]
         if pivot <= 1e-15 * covariance[column, column] or pivot <= 0.0:
+            for row in range(size):
+                root[row, column] = 0.0
             continue
         root[column, column] = math.sqrt(pivot)
+        for row in range(column):
+            root[row, column] = 0.0
         for row in range(column + 1, size):
             value = covariance[row, column]
             for inner in range(column):
                 value -= root[row, inner] * root[column, inner]
             root[row, column] = value / root[column, column]
-    return root
