@@ -1,0 +1,125 @@
+"""Settings of the laser driver."""
+
+from typing import Literal, Self
+from urllib.parse import parse_qs, urlsplit
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+DEFAULT_PORT = 10940
+BAUDS = (115200, 19200, 57600, 38400, 250000, 500000, 750000)
+
+
+class LaserSettings(BaseModel):
+    """One table of the configuration. Everything about the model comes from the sensor itself, not from here."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    url: str = Field(
+        "tcp://192.168.0.10:10940",
+        description="tcp://HOST:PORT or serial:///dev/NAME, optionally with ?baud=N for the rate to run at; "
+        "the default is the sensors' address when they leave the factory",
+    )
+    rate_hz: float = Field(
+        10.0, gt=0.0, le=50.0, description="scans per second; a faster sensor is asked to leave scans out"
+    )
+    command: Literal["MD", "MS", "ME", "ND", "NE"] = Field(
+        "MD", description="MD ranges, MS short ranges (4 m), ME with intensity, ND and NE with several echoes"
+    )
+    echo: Literal["first", "strongest", "last"] = Field("first", description="echo kept of several; strongest needs NE")
+    cluster: int = Field(1, ge=1, le=99, description="steps joined to one value, the smallest of them")
+    angle_min_deg: float | None = Field(
+        None, ge=-180.0, le=180.0, description="first bearing, counter-clockwise from the front; absent: all the sensor has"
+    )
+    angle_max_deg: float | None = Field(None, ge=-180.0, le=180.0, description="last bearing; absent: all the sensor has")
+    stamp_reference: Literal["step_zero", "behind"] = Field(
+        "step_zero",
+        description="what the device's stamp belongs to: its step 0 (SCIP 2.0 specification; default of every model, "
+        "measured on none that is not simulated) or the direction straight behind",
+    )
+    stamp_offset_s: float = Field(
+        0.0, ge=-1.0, le=1.0, description="s, added to every stamp; for a firmware whose clock is known to be off"
+    )
+    time_sync: bool = Field(
+        True, description="ask for the device's clock (TM) before streaming; off for firmware whose TM is broken"
+    )
+    time_sync_samples: int = Field(
+        25, ge=1, le=200, description="TM1 requests; the narrowest bracket of all counts, and 25 take 25 ms on a network"
+    )
+    drift_max_ppm: float = Field(
+        200.0, ge=1.0, le=2000.0, description="ppm, bound on the drift of the device's clock; crystals are below 100"
+    )
+    stale_after_s: float = Field(
+        0.35, ge=0.05, le=10.0, description="s without a scan until the state is stale; at least 3.5 periods are waited"
+    )
+    silence_s: float = Field(
+        0.5, ge=0.1, le=10.0, description="s without a scan until the stream is asked for again; at least 3 periods are waited"
+    )
+    reply_timeout_s: float = Field(0.7, ge=0.05, le=5.0, description="s until a command counts as not answered")
+    connect_timeout_s: float = Field(1.0, ge=0.1, le=10.0, description="s until a connection counts as refused")
+    retry_min_s: float = Field(0.1, ge=0.01, le=10.0, description="s before the second attempt to connect; doubles")
+    retry_max_s: float = Field(
+        0.8, ge=0.05, le=60.0, description="s between attempts at most; small, because a scan is due 2 s after a repair"
+    )
+    reboot_on_fault: bool = Field(True, description="reboot the sensor (RB) when it reports a malfunction")
+    reboot_interval_s: float = Field(5.0, ge=0.0, le=3600.0, description="s between reboots at least; booting takes 2 s")
+    frozen_scans: int = Field(
+        10,
+        ge=0,
+        le=1000,
+        description="scans in a row with the very same ranges that count as a frozen sensor; real ranges differ by "
+        "millimetres. 0: never, for a simulated world without noise",
+    )
+    raw: Literal["always", "around_errors"] = Field(
+        "always", description="bytes handed to the record: all, or the two seconds before and after each error"
+    )
+
+    @field_validator("url")
+    @classmethod
+    def _is_known(cls, url: str) -> str:
+        endpoint(url)
+        return url
+
+    @model_validator(mode="after")
+    def _are_ordered(self) -> Self:
+        if self.angle_min_deg is not None and self.angle_max_deg is not None and self.angle_min_deg >= self.angle_max_deg:
+            raise ValueError(f"angle_min_deg below angle_max_deg, not {self.angle_min_deg} and {self.angle_max_deg}")
+        if self.retry_min_s > self.retry_max_s:
+            raise ValueError(f"retry_min_s at most retry_max_s, not {self.retry_min_s} and {self.retry_max_s}")
+        return self
+
+
+class TcpEndpoint(BaseModel):
+    """Where a laser with Ethernet listens."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    host: str
+    port: int
+
+
+class SerialEndpoint(BaseModel):
+    """A device file; baud None: whatever the laser answers to."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    path: str
+    baud: int | None
+
+
+def endpoint(url: str) -> TcpEndpoint | SerialEndpoint:
+    """What a URL stands for. Raises ValueError with what was expected."""
+    expected = "tcp://HOST:PORT or serial:///dev/NAME, optionally with ?baud=N"
+    try:
+        parts = urlsplit(url)
+        port = parts.port
+    except ValueError as error:
+        raise ValueError(f"{expected} ({error})") from error
+    if parts.scheme == "tcp" and parts.hostname and not parts.path.strip("/") and not parts.query:
+        return TcpEndpoint(host=parts.hostname, port=DEFAULT_PORT if port is None else port)
+    if parts.scheme == "serial" and not parts.netloc and parts.path not in ("", "/"):
+        query = parse_qs(parts.query)
+        baud = query.pop("baud", [None])[-1]
+        if query or (baud is not None and (not baud.isdigit() or int(baud) not in BAUDS)):
+            raise ValueError(f"{expected} with N one of {', '.join(map(str, sorted(BAUDS)))}")
+        return SerialEndpoint(path=parts.path, baud=None if baud is None else int(baud))
+    raise ValueError(expected)
