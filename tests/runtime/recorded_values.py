@@ -10,10 +10,9 @@ from slam.pose import Pose2
 
 PERIOD_NS = 100_000_000
 BEAMS = 1081
-BEARINGS_RAD = uniform_bearings(-0.75 * np.pi, np.pi / 720.0, BEAMS)
 
 
-def make_tick(seq: int, rng: np.random.Generator, seen: str = "scan") -> Tick:
+def make_tick(seq: int, rng: np.random.Generator, seen: str = "scan", beams: int = BEAMS) -> Tick:
     stamp_ns = seq * PERIOD_NS
     wheels = tuple(
         WheelCounts(stamp_ns - PERIOD_NS + k * 20_000_000, float(rng.normal()), float(rng.normal()), valid=k != 2)
@@ -21,16 +20,17 @@ def make_tick(seq: int, rng: np.random.Generator, seen: str = "scan") -> Tick:
     )
     scan: Scan | Sightings | None = None
     if seen == "scan":
-        ranges_m = rng.integers(100, 60_000, BEAMS).astype(np.float32) / np.float32(1000)
-        ranges_m[rng.random(BEAMS) < 0.1] = np.nan
-        scan = Scan(stamp_ns - 30_000_000, ranges_m, BEARINGS_RAD, 0.025 / 360, 540, 30.0)
+        bearings_rad = uniform_bearings(-0.75 * np.pi, 1.5 * np.pi / beams, beams)
+        ranges_m = rng.integers(100, 60_000, beams).astype(np.float32) / np.float32(1000)
+        ranges_m[rng.random(beams) < 0.1] = np.nan
+        scan = Scan(stamp_ns - 30_000_000, ranges_m, bearings_rad, 0.025 / 360, beams // 2, 30.0)
     elif seen == "sightings":
         scan = Sightings(stamp_ns, rng.random(3) * 9.0, rng.normal(size=3), np.array([4, -1, 2]))
     events = (Event(stamp_ns, "laser", "checksum", "one reply had a wrong sum", Severity.WARN),) if seq % 7 == 0 else ()
     return Tick(seq, stamp_ns, scan, wheels, events)
 
 
-def make_estimate(stamp_ns: int, rng: np.random.Generator) -> Estimate:
+def make_estimate(stamp_ns: int, rng: np.random.Generator, beams: int = BEAMS) -> Estimate:
     features = Features(
         stamp_ns,
         rng.random(4) * 20.0,
@@ -51,11 +51,11 @@ def make_estimate(stamp_ns: int, rng: np.random.Generator) -> Estimate:
         np.diag(rng.random(3)),
         Pose2(*rng.normal(size=3)),
         Quality.UNCERTAIN,
-        rng.normal(size=(100, 3)),
-        np.full(100, 0.01),
+        rng.normal(size=(10, 3)),
+        np.full(10, 0.1),
         features,
         np.array([4096, -1, -3, 8193]),
-        rng.integers(0, 4, BEAMS).astype(np.uint8),
+        rng.integers(0, 4, beams).astype(np.uint8),
         landmarks,
         {"landmarks": 2.0, "effective_particles": 55.25},
     )

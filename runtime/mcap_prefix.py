@@ -1,0 +1,155 @@
+"""The readable prefix of an MCAP file: everything up to the first byte that is missing or wrong, and nothing after.
+
+The library's reader is not used because it accepts a chunk whose checksum field was zeroed, and because this reads
+a message in a tenth of its time. Format: https://mcap.dev/spec
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import zstandard
+
+MAGIC = b"\x89MCAP0\r\n"
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA, DATA_END = 2, 3, 4, 5, 6, 9, 12, 15
+LARGEST_RECORD_BYTES = 1 << 30
+RECORD_HEAD = struct.Struct("<BQ")
+MESSAGE_HEAD = struct.Struct("<HIQQ")
+CHUNK_HEAD = struct.Struct("<QQQI")
+
+
+class DamageError(ValueError):
+    """The file cannot be believed beyond this byte; the message says why."""
+
+    def __init__(self, offset: int, what: str) -> None:
+        super().__init__(f"{what} at byte {offset}")
+        self.offset = offset
+
+
+class McapPrefix:
+    """Reads one file from its start. `damage` is None until the end is reached, then "" or what is wrong there."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.size = path.stat().st_size
+        self.offset = 0
+        self.damage: str | None = None
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.attachments: dict[str, bytes] = {}
+        self._topics: dict[int, str] = {}
+
+    def messages(self) -> Iterator[tuple[str, int, bytes]]:
+        """(topic, log time ns, data) of every message in the prefix; metadata and attachments are kept on the way."""
+        try:
+            with self.path.open("rb") as stream:
+                yield from self._messages(stream)
+            self.damage = ""
+        except DamageError as error:
+            self.damage = str(error)
+
+    def read_head(self) -> None:
+        """Read metadata and attachments that stand before the first chunk."""
+        for _ in self.messages():
+            break
+
+    def _messages(self, stream: BinaryIO) -> Iterator[tuple[str, int, bytes]]:
+        if stream.read(len(MAGIC)) != MAGIC:
+            raise DamageError(0, "not the start of an MCAP file")
+        self.offset = len(MAGIC)
+        data_crc = zlib.crc32(MAGIC)
+        while True:
+            head = stream.read(RECORD_HEAD.size)
+            if len(head) < RECORD_HEAD.size:
+                raise DamageError(self.offset, "the file ends early")
+            opcode, length = RECORD_HEAD.unpack(head)
+            if opcode == 0 or length > LARGEST_RECORD_BYTES:
+                raise DamageError(self.offset, "no record begins")
+            body = stream.read(length)
+            if len(body) < length:
+                raise DamageError(self.offset, "the last record is torn")
+            if opcode == DATA_END:
+                self._check_data_end(body, data_crc, stream)
+                return
+            data_crc = zlib.crc32(body, zlib.crc32(head, data_crc))
+            try:
+                if opcode == CHUNK:
+                    yield from self._chunk_messages(body)
+                elif opcode == METADATA:
+                    name, values = _metadata(body)
+                    self.metadata[name] = values
+                elif opcode == ATTACHMENT:
+                    name, data = _attachment(body)
+                    self.attachments[name] = data
+            except (struct.error, IndexError, KeyError, UnicodeDecodeError, ValueError) as error:
+                raise DamageError(self.offset, f"damaged record ({error})") from error
+            except zstandard.ZstdError as error:
+                raise DamageError(self.offset, f"damaged chunk ({error})") from error
+            self.offset += RECORD_HEAD.size + length
+
+    def _check_data_end(self, body: bytes, data_crc: int, stream: BinaryIO) -> None:
+        if body != struct.pack("<I", data_crc):
+            raise DamageError(self.offset, "the checksum over the whole file does not match")
+        tail = stream.read()
+        if len(tail) < len(MAGIC) or not tail.endswith(MAGIC):
+            raise DamageError(self.offset, "the index after the data is torn")
+        self.offset = self.size
+
+    def _chunk_messages(self, body: bytes) -> Iterator[tuple[str, int, bytes]]:
+        data = _chunk_data(body)
+        position = 0
+        while position < len(data):
+            opcode, length = RECORD_HEAD.unpack_from(data, position)
+            position += RECORD_HEAD.size
+            if opcode == MESSAGE:
+                channel, _, log_ns, _ = MESSAGE_HEAD.unpack_from(data, position)
+                yield self._topics[channel], log_ns, data[position + MESSAGE_HEAD.size : position + length]
+            elif opcode == CHANNEL:
+                channel, _ = struct.unpack_from("<HH", data, position)
+                self._topics[channel], _ = _text(data, position + 4)
+            position += length
+
+
+def _chunk_data(body: bytes) -> bytes:
+    """Uncompressed records of a chunk. Raises ValueError when they are not what was written."""
+    _, _, size, crc = CHUNK_HEAD.unpack_from(body)
+    compression, position = _text(body, CHUNK_HEAD.size)
+    packed = body[position + 8 :]
+    if compression != "zstd":
+        raise ValueError(f"compression {compression!r} is not what this project writes")
+    if size > LARGEST_RECORD_BYTES or zstandard.get_frame_parameters(packed).content_size != size:
+        raise ValueError("the size of the chunk does not match")  # said before so much memory is asked for
+    data = zstandard.ZstdDecompressor().decompress(packed)
+    if len(data) != size or zlib.crc32(data) != crc:
+        raise ValueError("the checksum of the chunk does not match")
+    return data
+
+
+def _text(data: bytes, position: int) -> tuple[str, int]:
+    """Length-prefixed text and the position after it."""
+    (length,) = struct.unpack_from("<I", data, position)
+    end = position + 4 + length
+    if end > len(data):
+        raise ValueError("a text is longer than its record")
+    return data[position + 4 : end].decode(), end
+
+
+def _metadata(body: bytes) -> tuple[str, dict[str, str]]:
+    name, position = _text(body, 0)
+    (length,) = struct.unpack_from("<I", body, position)
+    end, position = position + 4 + length, position + 4
+    values = {}
+    while position < end:
+        key, position = _text(body, position)
+        values[key], position = _text(body, position)
+    return name, values
+
+
+def _attachment(body: bytes) -> tuple[str, bytes]:
+    if zlib.crc32(body[:-4]) != struct.unpack_from("<I", body, len(body) - 4)[0]:
+        raise ValueError("the checksum of the attachment does not match")
+    name, position = _text(body, 16)
+    _, position = _text(body, position)
+    (length,) = struct.unpack_from("<Q", body, position)
+    return name, body[position + 8 : position + 8 + length]

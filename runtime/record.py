@@ -1,0 +1,186 @@
+"""The recorder: takes what the loop and the wires give, and writes it to run.mcap on a thread of its own."""
+
+import struct
+import threading
+import time
+from collections.abc import Callable, Mapping
+from queue import SimpleQueue
+
+from runtime.errors import StorageError
+from runtime.messages import Gap, LaserBytes, Record, encode_gap, encode_laser_bytes
+from runtime.record_file import RecordFile
+from runtime.ros_messages import encode_can_frame
+from runtime.run_folder import RunFolder
+from runtime.run_header import RunHeader
+from runtime.tick import SinkHealth, Tick, Timing
+from runtime.tick_records import tick_records, warm_up
+from slam.estimate import Estimate
+from slam.pose import Pose2
+
+QUEUE_ITEMS = 6000  # 50 s of 10 ticks, 10 scans' bytes and 100 CAN frames a second: longer than any disk should stall
+PENDING_BYTES = 16 << 20  # two minutes of chunks that a disk refuses; beyond that the newest are lost and counted
+WAKE_S = 0.1  # the writer gathers instead of waking for every frame: each wake takes the loop's interpreter lock
+CHUNK_NS = 300_000_000  # with WAKE_S less than half a second is in memory when the process is killed
+SYNC_NS = 1_000_000_000
+RETRY_NS = 500_000_000
+CLOSE_S = 2.0
+
+TickItem = tuple[Tick, Estimate, Timing, bytes, Pose2 | None]
+CanItem = tuple[int, int, int, bytes]
+Item = TickItem | CanItem | LaserBytes
+
+
+class Recorder:
+    """Sink of the loop and tap of the wires. No trouble with storage ever reaches the caller: it is a state.
+
+    tee: is given every record that is encoded, on the recorder's thread; the review is made from it.
+    Values that are put must not change afterwards.
+    """
+
+    def __init__(
+        self,
+        folder: RunFolder,
+        configuration_toml: str,
+        versions: Mapping[str, str],
+        tee: Callable[[Record], None] | None = None,
+        now_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        """Make the file and write its head. Raises StorageError."""
+        warm_up()
+        folder.write_configuration(configuration_toml)
+        header = RunHeader.of_live_run(configuration_toml, versions)
+        self._now_ns = now_ns
+        self._tee = tee
+        self._file = RecordFile(folder.mcap_path, header.metadata)
+        self._queue: SimpleQueue[Item] = SimpleQueue()
+        self._stop = threading.Event()
+        self._troubles = {"encode": "", "write": "", "sync": ""}
+        self._dropped_ticks = 0
+        self._dropped_raw = 0
+        self._told = (0, 0)
+        self._chunk_began_ns = self._synced_ns = self._tried_ns = now_ns()
+        self._write(self._tried_ns)
+        if self._troubles["write"]:
+            raise StorageError(f"{folder.mcap_path}: {self._troubles['write']}; free space or check the mount")
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    def put(self, tick: Tick, estimate: Estimate, timing: Timing, state_hash: bytes, truth: Pose2 | None) -> None:
+        """One tick; takes microseconds and never blocks."""
+        if self._queue.qsize() < QUEUE_ITEMS:
+            self._queue.put((tick, estimate, timing, state_hash, truth))
+        else:
+            self._dropped_ticks += 1
+
+    def laser_bytes(self, stamp_ns: int, sent: bool, data: bytes) -> None:
+        """Bytes of the laser's wire, from the laser's thread."""
+        if self._queue.qsize() < QUEUE_ITEMS:
+            self._queue.put(LaserBytes(stamp_ns, sent, data))
+        else:
+            self._dropped_raw += 1
+
+    def can_frame(self, stamp_ns: int, arbitration_id: int, flags: int, data: bytes) -> None:
+        """One CAN frame, from the bus's thread."""
+        if self._queue.qsize() < QUEUE_ITEMS:
+            self._queue.put((stamp_ns, arbitration_id, flags, data))
+        else:
+            self._dropped_raw += 1
+
+    def health(self) -> SinkHealth:
+        """Values waiting, values lost since the start, and what the disk says."""
+        return SinkHealth(self._queue.qsize(), self._dropped_ticks + self._dropped_raw, self._trouble)
+
+    @property
+    def _trouble(self) -> str:
+        if not self._thread.is_alive() and not self._stop.is_set():
+            return "the recorder's thread has ended; nothing is written any more"
+        return "; ".join(filter(None, self._troubles.values()))
+
+    def close(self) -> None:
+        """Write what is queued and the index; at most 2 s, after which the file has no index but can be read."""
+        self._stop.set()
+        self._thread.join(CLOSE_S)
+
+    def _run(self) -> None:
+        while not self._stop.wait(WAKE_S):
+            self._drain(self._now_ns())
+        self._drain(self._now_ns())
+        self._file.finish()
+        self._troubles["write"] = ""  # one more try, however recent the last one is
+        self._write(self._now_ns())
+        self._sync()
+        try:
+            self._file.close()
+        except OSError as error:
+            self._troubles["write"] = f"run.mcap cannot be closed ({error.strerror})"
+
+    def _drain(self, now_ns: int) -> None:
+        """Encode what waits, end the chunk when it is old enough, and let the disk have it."""
+        for _ in range(self._queue.qsize()):
+            self._take(self._queue.get())
+        self._tell_gap()
+        if now_ns - self._chunk_began_ns >= CHUNK_NS - WAKE_S * 1e9:
+            self._file.end_chunk()
+            self._chunk_began_ns = now_ns
+            self._write(now_ns)
+        if now_ns - self._synced_ns >= SYNC_NS:
+            self._synced_ns = now_ns
+            self._sync()
+
+    def _take(self, item: Item) -> None:
+        try:
+            records = _records(item)
+        except (ValueError, TypeError, struct.error) as error:  # must not end the thread
+            self._troubles["encode"] = f"a value could not be encoded ({error})"
+            self._count_lost(item)
+            return
+        if self._tee is not None:
+            for record in records:
+                self._tee(record)
+        if self._file.pending_bytes < PENDING_BYTES:
+            self._tell_gap()
+            for record in records:
+                self._file.add(record)
+        else:
+            self._count_lost(item)
+
+    def _count_lost(self, item: Item) -> None:
+        if isinstance(item, LaserBytes) or len(item) == 4:
+            self._dropped_raw += 1
+        else:
+            self._dropped_ticks += 1
+
+    def _tell_gap(self) -> None:
+        """What was lost since it was last told becomes a record, as soon as there is room for one."""
+        lost = (self._dropped_ticks, self._dropped_raw)
+        if lost == self._told or self._file.pending_bytes >= PENDING_BYTES:
+            return
+        ticks, raw = lost[0] - self._told[0], lost[1] - self._told[1]
+        reason = self._trouble or "the queue to the disk was full"
+        self._file.add(encode_gap(Gap(self._now_ns(), ticks, raw, reason)))
+        self._told = lost
+
+    def _write(self, now_ns: int) -> None:
+        if self._troubles["write"] and now_ns - self._tried_ns < RETRY_NS:
+            return
+        self._tried_ns = now_ns
+        try:
+            self._file.write()
+            self._troubles["write"] = ""
+        except OSError as error:
+            self._troubles["write"] = f"run.mcap cannot be written ({error.strerror})"
+
+    def _sync(self) -> None:
+        try:
+            self._file.sync()
+            self._troubles["sync"] = ""
+        except OSError as error:
+            self._troubles["sync"] = f"run.mcap is not safe on disk ({error.strerror})"
+
+
+def _records(item: Item) -> list[Record]:
+    if isinstance(item, LaserBytes):
+        return [encode_laser_bytes(item)]
+    if len(item) == 4:
+        return [encode_can_frame(*item)]
+    return tick_records(*item)

@@ -1,0 +1,105 @@
+"""The folder of a run: what it holds, how it is made, and that it is never overwritten."""
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+from runtime.errors import NotARunError, RunExistsError, StorageError
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """One run on disk. `create` makes it, `open` finds it."""
+
+    path: Path
+
+    @classmethod
+    def create(cls, out: Path | None, root: Path) -> "RunFolder":
+        """Make `out`, or a new folder <utc>-<id> in `root`.
+
+        Raises RunExistsError when `out` holds anything, StorageError when it cannot be made.
+        """
+        path = out if out is not None else root / new_name(datetime.now(UTC))
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            occupied = any(path.iterdir())
+            path.chmod(path.stat().st_mode)  # a file system mounted read-only says so here and not a minute later
+        except (FileExistsError, NotADirectoryError) as error:
+            raise RunExistsError(f"{path} is a file; give the name of a new folder with --out") from error
+        except OSError as error:
+            raise StorageError(f"{path} cannot be made ({error.strerror}); give another folder with --out") from error
+        if occupied:
+            raise RunExistsError(f"{path} exists and is not empty; runs are never overwritten, give another --out")
+        return cls(path)
+
+    @classmethod
+    def open(cls, path: Path) -> "RunFolder":
+        """The run in a folder, or beside the run.mcap that is given. Raises NotARunError when there is none."""
+        folder = path.parent if path.name == "run.mcap" else path
+        if not folder.is_dir():
+            raise NotARunError(f"{path} does not exist; give the folder of a run")
+        if not (folder / "run.mcap").is_file():
+            raise NotARunError(f"{path} is no run: it has no run.mcap; give the folder of a run")
+        return cls(folder)
+
+    @property
+    def mcap_path(self) -> Path:
+        """The record: what came in and what came of it."""
+        return self.path / "run.mcap"
+
+    @property
+    def review_path(self) -> Path:
+        """The same for eyes; can be made again."""
+        return self.path / "review.rrd"
+
+    @property
+    def configuration_path(self) -> Path:
+        """The configuration in force, a copy of the one inside the record."""
+        return self.path / "config.toml"
+
+    @property
+    def summary_path(self) -> Path:
+        """What the command line printed."""
+        return self.path / "summary.json"
+
+    @property
+    def trajectory_path(self) -> Path:
+        """The estimated trajectory in TUM form, for evo."""
+        return self.path / "trajectory.tum"
+
+    @property
+    def replays_path(self) -> Path:
+        """Replays of a run that has no estimates of its own; each is a run folder itself."""
+        return self.path / "replays"
+
+    def newest_replay(self) -> "RunFolder | None":
+        """The latest of the replays kept inside this run."""
+        replays = sorted(path.parent for path in self.replays_path.glob("*/run.mcap"))
+        return RunFolder(replays[-1]) if replays else None
+
+    def write_configuration(self, text: str) -> None:
+        """Keep the configuration in force. Raises StorageError."""
+        self.write(self.configuration_path, text)
+
+    def write_summary(self, summary: Mapping[str, Any]) -> None:
+        """Keep what the command line prints. Raises StorageError."""
+        self.write(self.summary_path, json.dumps(summary, indent=2) + "\n")
+
+    def write(self, path: Path, text: str) -> None:
+        """Write a small file of the run whole or not at all. Raises StorageError."""
+        unfinished = path.with_name(path.name + ".unfinished")
+        try:
+            unfinished.write_text(text, encoding="utf-8")
+            os.replace(unfinished, path)
+        except OSError as error:
+            raise StorageError(f"{path} cannot be written ({error.strerror}); free space or check the mount") from error
+
+
+def new_name(utc: datetime) -> str:
+    """<utc>-<id>: names sort by time, and two runs of one second differ."""
+    return f"{utc:%Y%m%dT%H%M%SZ}-{uuid4().hex[:6]}"

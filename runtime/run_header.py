@@ -1,0 +1,77 @@
+"""What stands once at the head of a run: configuration, versions, boot, and the offset to wall time."""
+
+import hashlib
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+
+FORMAT = "1"
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+
+
+@dataclass(frozen=True, slots=True)
+class RunHeader:
+    """Facts that hold for a whole run.
+
+    wall_minus_monotonic_ns: added to a stamp it gives nanoseconds since 1970; None where the recording does not tell.
+    source: "live", "import NAME" or "replay of NAME".
+    """
+
+    configuration_text: str
+    source: str
+    versions: Mapping[str, str] = field(default_factory=dict)
+    boot_id: str = ""
+    wall_minus_monotonic_ns: int | None = None
+    created_utc: str = ""
+    configuration_sha256: str = ""
+
+    @classmethod
+    def of_live_run(cls, configuration_text: str, versions: Mapping[str, str]) -> "RunHeader":
+        """The header of a run that starts now on this host."""
+        boot_id = BOOT_ID.read_text().strip() if BOOT_ID.exists() else ""
+        offset_ns = time.time_ns() - time.monotonic_ns()
+        return cls(configuration_text, "live", versions, boot_id, offset_ns, f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}")
+
+    @property
+    def metadata(self) -> dict[str, dict[str, str]]:
+        """As MCAP metadata; from_metadata gives the header back."""
+        offset_ns = self.wall_minus_monotonic_ns
+        return {
+            "infant": {
+                "format": FORMAT,
+                "configuration": self.configuration_text,
+                "configuration_sha256": hashlib.sha256(self.configuration_text.encode()).hexdigest(),
+                "source": self.source,
+                "boot_id": self.boot_id,
+                "wall_minus_monotonic_ns": "" if offset_ns is None else str(offset_ns),
+                "created_utc": self.created_utc,
+            },
+            "versions": dict(self.versions),
+        }
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, Mapping[str, str]]) -> "RunHeader":
+        """Back again.
+
+        Raises ValueError with one sentence: no header, another format, or a configuration that is not the one hashed.
+        """
+        facts = metadata.get("infant")
+        if facts is None:
+            raise ValueError("it has no header of infant")
+        if facts.get("format") != FORMAT:
+            raise ValueError(f"its format is {facts.get('format')}, this release reads {FORMAT}")
+        text = facts["configuration"]
+        if hashlib.sha256(text.encode()).hexdigest() != facts["configuration_sha256"]:
+            raise ValueError("its configuration does not match its hash: the header is damaged")
+        offset_ns = facts["wall_minus_monotonic_ns"]
+        return cls(
+            text,
+            facts["source"],
+            dict(metadata.get("versions", {})),
+            facts["boot_id"],
+            int(offset_ns) if offset_ns else None,
+            facts["created_utc"],
+            facts["configuration_sha256"],
+        )
