@@ -1,0 +1,154 @@
+"""Technique 1, difference processing: which beams fell on something that was there before.
+
+Paper III-A-1. The printed form compares equal beams of two consecutive scans; the better one compares places, through
+odometry, with scans 0.4 to 1.1 s old, and lets them vote.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.measurements import Scan
+from slam.compiled import kernel
+from slam.front_end_settings import FrontEndSettings
+from slam.observations import BeamVerdict
+from slam.pose import Pose2
+from slam.sweep import Beams
+
+FloatArray = NDArray[np.float64]
+VerdictArray = NDArray[np.uint8]
+CountArray = NDArray[np.int64]
+NANOSECOND_S = 1e-9
+WINDOW_RAD = 0.3
+
+
+def equal_angle_difference(now: Scan, before: Scan | None, difference_m: float) -> VerdictArray:
+    """Verdicts (n,) as printed: a beam is kept if the same beam of the scan before measured the same range.
+
+    Without a comparable scan before (none, or other beams) every return is NOT_COMPARED.
+    """
+    verdicts = np.full(now.ranges_m.shape, BeamVerdict.NOT_COMPARED, dtype=np.uint8)
+    if before is not None and np.array_equal(now.bearings_rad, before.bearings_rad):
+        same = np.abs(now.ranges_m - before.ranges_m) <= difference_m
+        verdicts[:] = np.where(same, BeamVerdict.KEPT, BeamVerdict.MOVED)
+    verdicts[~np.isfinite(now.ranges_m) | (now.ranges_m <= 0.0)] = BeamVerdict.NO_RETURN
+    return verdicts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedBeams:
+    """Beams of one scan and where odometry says the laser was."""
+
+    beams: Beams
+    odom_from_laser: Pose2
+
+
+class CompensatedVote:
+    """Remembers the scans of about the last second and lets those that are old enough vote on a new one."""
+
+    def __init__(self, settings: FrontEndSettings) -> None:
+        self._settings = settings
+        self._past: deque[PlacedBeams] = deque()
+
+    def verdicts(self, placed: PlacedBeams) -> tuple[VerdictArray, bool]:
+        """Verdicts (n,) of the beams, and whether there was any scan to compare with; remembers the new one.
+
+        A place counts as found again by a scan that has a return within the tolerance of it; a scan that looked
+        through it counts against it; a scan whose view of it was blocked has no vote.
+        """
+        settings, beams = self._settings, placed.beams
+        voters = self._voters(beams.stamp_ns)
+        found = np.zeros(len(beams), dtype=np.int64)
+        looked = np.zeros(len(beams), dtype=np.int64)
+        for past in voters:
+            past_from_now = past.odom_from_laser.inverse() @ placed.odom_from_laser
+            _look_back(
+                beams.points_m,
+                past.beams.points_m,
+                past.beams.ranges_m,
+                past.beams.directions_rad,
+                past_from_now.as_array(),
+                settings.tolerance_m,
+                settings.tolerance_rad + 0.5 * past.beams.spacing_rad,
+                past.beams.spacing_rad,
+                found,
+                looked,
+            )
+        least = min(settings.least_support, len(voters))
+        kept = (found >= settings.support_share * looked) & (found >= least)
+        verdicts = np.where(kept, BeamVerdict.KEPT, BeamVerdict.MOVED).astype(np.uint8)
+        verdicts[(looked < least) | (looked == 0)] = BeamVerdict.NOT_COMPARED
+        verdicts[np.isnan(beams.ranges_m)] = BeamVerdict.NO_RETURN
+        self._remember(placed)
+        return verdicts, bool(voters)
+
+    def _voters(self, stamp_ns: int) -> list[PlacedBeams]:
+        low, high = self._settings.youngest_s / NANOSECOND_S, self._settings.oldest_s / NANOSECOND_S
+        old_enough = [past for past in self._past if low <= stamp_ns - past.beams.stamp_ns <= high and len(past.beams)]
+        if len(old_enough) <= self._settings.votes:
+            return old_enough
+        chosen = np.linspace(0, len(old_enough) - 1, self._settings.votes).round().astype(np.int64)
+        return [old_enough[i] for i in chosen]
+
+    def _remember(self, placed: PlacedBeams) -> None:
+        stamp_ns = placed.beams.stamp_ns
+        if self._past and stamp_ns <= self._past[-1].beams.stamp_ns:
+            if stamp_ns == self._past[-1].beams.stamp_ns:
+                return
+            self._past.clear()  # time ran backwards: what was remembered belongs to another run
+        oldest_ns = self._settings.oldest_s / NANOSECOND_S
+        while self._past and stamp_ns - self._past[0].beams.stamp_ns > oldest_ns:
+            self._past.popleft()
+        self._past.append(placed)
+
+
+@kernel
+def _look_back(
+    points_m: FloatArray,
+    past_points_m: FloatArray,
+    past_ranges_m: FloatArray,
+    past_directions_rad: FloatArray,
+    past_from_now: FloatArray,
+    tolerance_m: float,
+    tolerance_rad: float,
+    spacing_rad: float,
+    found: CountArray,
+    looked: CountArray,
+) -> None:
+    """Count for every point (n, 2) whether one past scan looked at its place and whether it found it."""
+    cosine, sine = math.cos(past_from_now[2]), math.sin(past_from_now[2])
+    last = past_ranges_m.shape[0] - 1
+    first_rad, last_rad = past_directions_rad[0], past_directions_rad[last]
+    for beam in range(points_m.shape[0]):
+        x_now, y_now = points_m[beam, 0], points_m[beam, 1]
+        if math.isnan(x_now):
+            continue
+        x = past_from_now[0] + cosine * x_now - sine * y_now
+        y = past_from_now[1] + sine * x_now + cosine * y_now
+        bearing = math.atan2(y, x)
+        if bearing < first_rad or bearing > last_rad:
+            continue
+        distance = math.sqrt(x * x + y * y)
+        tolerance = tolerance_m + tolerance_rad * distance
+        nearest = min(last, int((bearing - first_rad) / spacing_rad + 0.5))
+        while nearest > 0 and past_directions_rad[nearest] - bearing > 0.5 * spacing_rad:
+            nearest -= 1
+        while nearest < last and bearing - past_directions_rad[nearest] > 0.5 * spacing_rad:
+            nearest += 1
+        reach = 1 + int(min(tolerance / max(distance, 1e-3), WINDOW_RAD) / spacing_rad)
+        here = False
+        for step in range(2 * reach + 1):
+            other = nearest + (step + 1) // 2 if step % 2 else nearest - step // 2
+            if 0 <= other <= last:
+                gap_x, gap_y = past_points_m[other, 0] - x, past_points_m[other, 1] - y
+                if gap_x * gap_x + gap_y * gap_y < tolerance * tolerance:
+                    here = True
+                    break
+        if here:
+            found[beam] += 1
+            looked[beam] += 1
+        elif not past_ranges_m[nearest] <= distance:
+            looked[beam] += 1
