@@ -1,0 +1,107 @@
+"""The laser's own account of a drive: its motion from one keyframe to the next."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.calibrate.drive_data import DriveData, WheelSeries
+from runtime.calibrate.scan_matching import Match, match
+from runtime.calibrate.scan_shapes import Shapes, shapes
+from runtime.calibrate.track import Track, composed, inverted, seen_by_laser
+from runtime.calibrate.wheel_model import WheelModel
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# far enough that matching noise (some mm) is small beside the slip, near enough that both scans show the same
+KEYFRAME_M, KEYFRAME_RAD = 0.5, 0.4
+LONGEST_S = 5.0  # a keyframe is taken after so long in any case while moving, so that creeping is not lost
+FEWEST_PAIRS = 4
+MOST_ASTRAY = 0.5
+VELOCITY_WINDOW_S = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaserMotion:
+    """Increments of one drive: from times_s[i] to times_s[i] (n, 2); means (n, 3) before_from_after of the laser; covariances.
+
+    failed: pairs of keyframes that showed too little in common.
+    """
+
+    series: WheelSeries
+    times_s: FloatArray
+    means: FloatArray
+    covariances: FloatArray
+    failed: int
+
+
+def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray) -> LaserMotion:
+    """Choose keyframes by the wheels' account, undo the motion within each sweep, and match each with the one before."""
+    series = drive.wheel_series()
+    stamps = drive.scan_times_s()
+    mount, latency = parameters[-4:-1], float(parameters[-1])
+    wheels = model.track(series, parameters)
+    known = (stamps - latency > series.times_s[0]) & (stamps - latency < series.times_s[-1])
+    chosen = keyframes(wheels, stamps - latency, known)
+    times, means, covariances, failed = [], [], [], 0
+    before: Shapes | None = None
+    for index, here in enumerate(chosen):
+        found = shapes(drive.scans[here], laser_twist(wheels, stamps[here] - latency, mount))
+        if before is not None:
+            there = chosen[index - 1]
+            if not _silence(series, stamps[there] - latency, stamps[here] - latency):
+                result = match(before, found, _guess(wheels, stamps[[there, here]] - latency, mount))
+                if result.pairs >= FEWEST_PAIRS and result.astray <= MOST_ASTRAY:
+                    times.append(stamps[[there, here]])
+                    means.append(result.mean)
+                    covariances.append(_floored(result))
+                else:
+                    failed += 1
+        before = found
+    return LaserMotion(
+        series, np.array(times).reshape(-1, 2), np.array(means).reshape(-1, 3), np.array(covariances).reshape(-1, 3, 3), failed
+    )
+
+
+def keyframes(wheels: Track, times_s: FloatArray, known: NDArray[np.bool_]) -> list[int]:
+    """Numbers of the scans that are a step of KEYFRAME_M or KEYFRAME_RAD apart."""
+    travelled = np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(wheels.distances_m)))))
+    turned = np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(wheels.poses[:, 2])))))
+    metres, radians = np.interp(times_s, wheels.times_s, travelled), np.interp(times_s, wheels.times_s, turned)
+    chosen: list[int] = []
+    for index in np.flatnonzero(known):
+        if chosen:
+            last = chosen[-1]
+            moved_m, turned_rad = metres[index] - metres[last], radians[index] - radians[last]
+            creeping = times_s[index] - times_s[last] > LONGEST_S and (moved_m > 0.0 or turned_rad > 0.0)
+            if moved_m < KEYFRAME_M and turned_rad < KEYFRAME_RAD and not creeping:
+                continue
+        chosen.append(int(index))
+    return chosen
+
+
+def laser_twist(wheels: Track, time_s: float, mount: FloatArray) -> FloatArray:
+    """Velocity (3,) of the laser in its own frame: m/s ahead and left, rad/s."""
+    speed, yaw_rate = wheels.velocity(np.array([time_s]), VELOCITY_WINDOW_S)[0]
+    x, y, heading = mount
+    ahead, left = speed - yaw_rate * y, yaw_rate * x
+    cosine, sine = np.cos(heading), np.sin(heading)
+    return np.array((cosine * ahead + sine * left, -sine * ahead + cosine * left, yaw_rate))
+
+
+def _guess(wheels: Track, times_s: FloatArray, mount: FloatArray) -> FloatArray:
+    poses = wheels.at(times_s)
+    return seen_by_laser(composed(inverted(poses[0]), poses[1])[None], mount)[0]
+
+
+def _silence(series: WheelSeries, begin_s: float, end_s: float) -> bool:
+    """True if the wheels were silent anywhere between."""
+    first, last = np.searchsorted(series.times_s, (begin_s, end_s))
+    return bool(series.broken[first : last + 1].any())
+
+
+def _floored(result: Match) -> FloatArray:
+    """Nothing is better than a tenth of a millimetre and of a milliradian: keeps weights finite."""
+    floored: FloatArray = result.covariance + np.diag((1e-8, 1e-8, 1e-8))
+    return floored

@@ -1,0 +1,147 @@
+"""What the wheels say of the motion, as a function of the parameters that are sought."""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.calibrate.drive_data import CalibrationStart, SteeringStart, WheelSeries
+from runtime.calibrate.track import Track, track
+from slam.pose import Pose2
+
+FloatArray = NDArray[np.float64]
+
+MOUNT_NAMES = ("laser_x_m", "laser_y_m", "laser_yaw_rad", "laser_latency_s")
+# how far from the start the truth may be (standard deviations): wide, they only keep what is not observed finite
+MOUNT_PRIOR = (0.5, 0.5, 0.5, 0.15)
+
+
+class WheelModel(Protocol):
+    """Parameters: the model's own first, then MOUNT_NAMES."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters, units in them."""
+
+    @property
+    def start(self) -> FloatArray:
+        """(p,) values to begin with."""
+
+    @property
+    def prior(self) -> FloatArray:
+        """(p,) standard deviations around them."""
+
+    def track(self, series: WheelSeries, parameters: FloatArray) -> Track:
+        """Dead reckoning of a drive."""
+
+    def noise_arms(self, parameters: FloatArray) -> FloatArray:
+        """(2, 2): rows the two independent errors, columns what each does to distance m and heading rad."""
+
+    def noise_weights(self, series: WheelSeries, parameters: FloatArray, times_s: FloatArray) -> FloatArray:
+        """(m, 2): running totals by which the variances of both errors grow, at the times."""
+
+    def quantisation_m2(self, parameters: FloatArray) -> float:
+        """Variance of each of the errors above that does not grow."""
+
+
+@dataclass(frozen=True, slots=True)
+class DifferentialModel:
+    """Two driven wheels: radii and tread are sought; each wheel slips by itself, in proportion to sqrt(metres)."""
+
+    initial: CalibrationStart
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Radii, tread, mount."""
+        return ("wheel_radius_left_m", "wheel_radius_right_m", "tread_m", *MOUNT_NAMES)
+
+    @property
+    def start(self) -> FloatArray:
+        """As given."""
+        initial = self.initial
+        wheels = (initial.wheel_radius_left_m, initial.wheel_radius_right_m, initial.tread_m)
+        return np.array((*wheels, *_mount(initial.body_from_laser), initial.latency_s))
+
+    @property
+    def prior(self) -> FloatArray:
+        """A tenth of a radius (a wrong tyre), a fifth of the tread (wheels that scrub)."""
+        return np.array((*(self.start[:3] * (0.1, 0.1, 0.2)), *MOUNT_PRIOR))
+
+    def track(self, series: WheelSeries, parameters: FloatArray) -> Track:
+        """Distance is the mean of both wheels, heading their difference over the tread."""
+        travel = self._travel_m(series, parameters)
+        return track(series.times_s, travel.mean(axis=1), (travel[:, 1] - travel[:, 0]) / parameters[2])
+
+    def noise_arms(self, parameters: FloatArray) -> FloatArray:
+        """A metre of slip of one wheel moves the centre by half a metre."""
+        return np.array(((0.5, -1.0 / parameters[2]), (0.5, 1.0 / parameters[2])))
+
+    def noise_weights(self, series: WheelSeries, parameters: FloatArray, times_s: FloatArray) -> FloatArray:
+        """Metres rolled by each wheel, whatever the direction."""
+        steps = np.abs(np.diff(self._travel_m(series, parameters), axis=0))
+        rolled = np.vstack((np.zeros((1, 2)), np.cumsum(steps, axis=0)))
+        return np.stack([np.interp(times_s, series.times_s, rolled[:, wheel]) for wheel in range(2)], axis=-1)
+
+    def quantisation_m2(self, parameters: FloatArray) -> float:
+        """Both ends of an increment fall somewhere within a count."""
+        count_m = 2.0 * math.pi * float(parameters[:2].mean()) / self.initial.counts_per_rev
+        return count_m**2 / 6.0
+
+    def _travel_m(self, series: WheelSeries, parameters: FloatArray) -> FloatArray:
+        turns = (series.values - series.values[0]) * (2.0 * math.pi / self.initial.counts_per_rev)
+        return turns * parameters[:2]
+
+
+@dataclass(frozen=True, slots=True)
+class SteeredModel:
+    """A steered axle: scale of the speed, scale and bias of the steering; one error forward, one of the heading."""
+
+    initial: SteeringStart
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Speed, steering, mount."""
+        return ("speed_scale", "steering_scale", "steering_bias_rad", *MOUNT_NAMES)
+
+    @property
+    def start(self) -> FloatArray:
+        """As given."""
+        initial = self.initial
+        steering = (initial.speed_scale, initial.steering_scale, initial.steering_bias_rad)
+        return np.array((*steering, *_mount(initial.body_from_laser), initial.latency_s))
+
+    @property
+    def prior(self) -> FloatArray:
+        """A tenth of the speed, a fifth of the steering, 3 degrees of bias."""
+        return np.array((0.1, 0.2, 0.05, *MOUNT_PRIOR))
+
+    def track(self, series: WheelSeries, parameters: FloatArray) -> Track:
+        """Speed and steering held until the next sample; the speed of a wheel beside the centre is brought to it."""
+        speed = series.values[:-1, 0] * parameters[0]
+        slope = np.tan(parameters[1] * series.values[:-1, 1] + parameters[2])
+        wheel_base = self.initial.wheel_base_m
+        steps = speed / (1.0 - slope * self.initial.speed_wheel_offset_m / wheel_base) * np.diff(series.times_s)
+        distances = np.concatenate(((0.0,), np.cumsum(steps)))
+        headings = np.concatenate(((0.0,), np.cumsum(steps * slope / wheel_base)))
+        return track(series.times_s, distances, headings)
+
+    def noise_arms(self, parameters: FloatArray) -> FloatArray:
+        """Forward metre for metre; a metre sideways at the steered axle turns by 1 / wheel base."""
+        return np.array(((1.0, 0.0), (0.0, 1.0 / self.initial.wheel_base_m)))
+
+    def noise_weights(self, series: WheelSeries, parameters: FloatArray, times_s: FloatArray) -> FloatArray:
+        """Metres driven, for both."""
+        drive = self.track(series, parameters)
+        rolled = np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(drive.distances_m)))))
+        metres = np.interp(times_s, series.times_s, rolled)
+        return np.stack((metres, metres), axis=-1)
+
+    def quantisation_m2(self, parameters: FloatArray) -> float:
+        """None that is known."""
+        return 0.0
+
+
+def _mount(mount: Pose2) -> tuple[float, float, float]:
+    return mount.x_m, mount.y_m, mount.heading_rad
