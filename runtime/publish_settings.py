@@ -1,8 +1,11 @@
 """Settings of what the rover tells the world over zenoh."""
 
+from typing import Annotated
+
 from pydantic import BaseModel, ConfigDict, Field
 
-Endpoint = str
+Endpoint = Annotated[str, Field(pattern=r"^(tcp|udp|tls|quic|ws)/\S+:\d{1,5}(#\S*)?$")]
+"""For example tcp/127.0.0.1:7447 or tls/router.example:7447."""
 
 
 class PublishSettings(BaseModel):
@@ -22,7 +25,7 @@ class PublishSettings(BaseModel):
     config_file: str | None = Field(
         None,
         min_length=1,
-        description="zenoh configuration (JSON5) to start from, for TLS and access rules; connect and listen still apply",
+        description="zenoh configuration (JSON5) to start from, for TLS and access rules; connect, listen are set here",
     )
     queue: int = Field(20, ge=1, le=1000, description="ticks that may wait; when full the oldest goes: 2 s at 10 Hz")
     scan_hz: float = Field(
@@ -34,5 +37,8 @@ class PublishSettings(BaseModel):
     ros2: bool = Field(False, description="also publish pose, odometry and TF on the keys of ROS 2's rmw_zenoh")
     ros2_domain: int = Field(0, ge=0, le=232, description="ROS_DOMAIN_ID of the nodes that shall see them")
     lease_ms: int = Field(
-        3000, ge=500, le=60000, description="ms of silence after which a peer is taken for gone; zenoh's 10 s is long on Wi-Fi"
+        3000,
+        ge=500,
+        le=60000,
+        description="ms of silence after which a peer is taken for gone; zenoh's 10 s is long on Wi-Fi",
     )

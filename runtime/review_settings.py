@@ -8,10 +8,10 @@ class ReviewSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    live: bool = Field(True, description="draw while driving, in a process of its own; infant review makes it later too")
-    scan_every: int = Field(1, ge=1, le=100, description="laser points of every n-th tick; 1 costs 4 MB a minute at 1081 beams")
+    live: bool = Field(True, description="draw while driving, in another process; infant review can do it later")
+    scan_every: int = Field(1, ge=1, le=100, description="laser points of every n-th tick: most of the file")
     particles_every: int = Field(1, ge=1, le=100, description="particles of every n-th tick")
-    batch_ticks: int = Field(10, ge=1, le=1000, description="ticks per write: 1 s, which is also what a power cut loses")
+    batch_ticks: int = Field(10, ge=1, le=1000, description="ticks per write: 1 s, which a power cut loses")
     queue: int = Field(
         4000, ge=100, le=100000, description="records that may wait for the drawing process; 40 s at 100 records/s"
     )
