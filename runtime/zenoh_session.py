@@ -11,7 +11,7 @@ from runtime.errors import ConfigurationError
 from runtime.publish_settings import PublishSettings
 
 PORTS_TO_TRY = 20
-RETRY = "{period_init_ms:500,period_max_ms:2000,period_increase_factor:2}"
+RETRY = "{period_init_ms:500,period_max_ms:1000,period_increase_factor:2}"
 
 
 def rover_config(settings: PublishSettings, listen: Sequence[str]) -> zenoh.Config:

@@ -1,0 +1,36 @@
+"""A subscriber in a process of its own: python -m tests.runtime.zenoh_listener ENDPOINT KEY SECONDS.
+
+Prints "ready" once it is connected and subscribed, then one JSON object per message.
+"""
+
+import json
+import sys
+import time
+
+import zenoh
+
+from runtime.zenoh_session import tool_config
+
+
+def listen(endpoint: str, key: str, seconds: float) -> None:
+    with zenoh.open(tool_config([endpoint])) as session:
+        subscriber = session.declare_subscriber(key, zenoh.handlers.FifoChannel(1000))
+        deadline_s = time.monotonic() + seconds
+        print("ready", flush=True)
+        while time.monotonic() < deadline_s:
+            sample = subscriber.try_recv()
+            if sample is None:
+                time.sleep(0.001)
+                continue
+            message = {
+                "key": str(sample.key_expr),
+                "encoding": str(sample.encoding),
+                "payload": sample.payload.to_bytes().hex(),
+                "attachment": sample.attachment.to_bytes().hex() if sample.attachment else "",
+                "arrived_ns": time.monotonic_ns(),
+            }
+            print(json.dumps(message), flush=True)
+
+
+if __name__ == "__main__":
+    listen(sys.argv[1], sys.argv[2], float(sys.argv[3]))
