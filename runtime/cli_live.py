@@ -24,7 +24,9 @@ def register(app: typer.Typer) -> None:
 
 def run(
     config: Config,
-    duration: Annotated[float | None, typer.Option(help="seconds to run; a simulated rover drives 60 by default")] = None,
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, help="seconds to run; a simulated rover drives 60 by default")
+    ] = None,
     out: Out = None,
     seed: Seed = None,
     set_: Set = None,
@@ -71,12 +73,37 @@ def sim(
     laser_only: Annotated[bool, typer.Option("--laser-only", help="only the laser, no CAN bus")] = False,
     model: Annotated[str | None, typer.Option("--model", help="laser model, for example UTM-30LX")] = None,
     listen: Annotated[str | None, typer.Option("--listen", metavar="HOST:PORT", help="where the laser listens")] = None,
-    pty: Annotated[str | None, typer.Option("--pty", metavar="PATH", help="also a pseudo-terminal, linked here")] = None,
+    pty: Annotated[str | None, typer.Option("--pty", metavar="PATH", help="also a pseudo-terminal, linked")] = None,
 ) -> None:
     """Run the simulated devices alone, so that any SCIP or CAN client can be pointed at them, until Ctrl-C."""
-    from runtime.desk import serve_desk
+    from runtime.desk import serve_desk, serve_laser
+    from runtime.errors import UsageError
 
-    serve_desk(config, laser_only, model, listen, pty, stop_on_signals(), sys.stdout)
+    overrides = laser_overrides(model, listen, pty)
+    stop = stop_on_signals()
+    if laser_only:
+        serve_laser(config, overrides, stop, sys.stdout)
+    elif config is None:
+        raise UsageError("--config: missing; give a TOML file with a [simulation] table, or --laser-only")
+    else:
+        serve_desk(config, overrides, stop, sys.stdout)
+
+
+def laser_overrides(model: str | None, listen: str | None, pty: str | None) -> dict[str, str]:
+    """Words of `infant sim` as keys of the configuration. Raises UsageError."""
+    from runtime.errors import UsageError
+
+    overrides = {}
+    if model is not None:
+        overrides["simulation.laser.model"] = model
+    if pty is not None:
+        overrides["simulation.laser.pty"] = pty
+    if listen is not None:
+        host, colon, port = listen.rpartition(":")
+        if not colon or not host or not port.isdigit():
+            raise UsageError(f"--listen {listen}: expected HOST:PORT, for example 127.0.0.1:10940")
+        overrides |= {"simulation.laser.host": host, "simulation.laser.port": port}
+    return overrides
 
 
 def check(config: Config, set_: Set = None, as_json: AsJson = False) -> None:

@@ -2,10 +2,12 @@
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
+from rich.console import Console
 
 AsJson = Annotated[bool, typer.Option("--json", help="one JSON object on standard output and nothing else there")]
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
@@ -29,7 +31,7 @@ def replay(
     set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key")] = None,
     without: Annotated[
         list[str] | None,
-        typer.Option("--without", metavar="TECHNIQUE", help="difference, sparse, density, existence, exclusivity, range"),
+        typer.Option("--without", metavar="TECHNIQUE", help="switches one off: difference, sparse, density, ..."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -51,3 +53,71 @@ def replay_overrides(set_: list[str] | None, without: list[str] | None, seed: in
     if seed is not None:
         changes["seed"] = str(seed)
     return changes
+
+
+def progress_bar(task: str) -> Callable[[float], None]:
+    """A bar on standard error that takes the fraction done; silent where that is no terminal."""
+    from rich.progress import Progress
+
+    bar = Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty())
+    row = bar.add_task(task, total=1.0)
+    bar.start()
+
+    def show(fraction: float) -> None:
+        bar.update(row, completed=fraction)
+        if fraction >= 1.0:
+            bar.stop()
+
+    return show
+
+
+def import_(
+    source: Annotated[Path, typer.Argument(metavar="SOURCE", help="folder of a recorded data set")],
+    out: Annotated[Path, typer.Option("--out", metavar="RUN", help="folder of the new run; never overwritten")],
+    as_json: AsJson = False,
+) -> None:
+    """Turn recorded data of others into a run that can be replayed and evaluated."""
+    from runtime.importers.dataset import import_dataset
+
+    result = import_dataset(source, out)
+    typer.echo(json.dumps(result) if as_json else "\n".join(f"{key:12s} {value}" for key, value in result.items()))
+
+
+def evaluate(
+    run: Run,
+    truth: Annotated[Path | None, typer.Option("--truth", help="TUM file; default: what the run holds")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare the poses of a run with the truth that it has, and write trajectory.tum for evo."""
+    from runtime.evaluate import evaluate_run, evaluation_lines
+
+    result = evaluate_run(run, truth)
+    typer.echo(json.dumps(result) if as_json else "\n".join(evaluation_lines(result)))
+
+
+def review(run: Run, as_json: AsJson = False) -> None:
+    """Make review.rrd again from run.mcap."""
+    from runtime.review import build_review
+    from runtime.run_folder import RunFolder
+
+    folder = RunFolder.open(run)
+    build_review(folder.mcap_path, folder.review_path)
+    typer.echo(json.dumps({"review": str(folder.review_path)}) if as_json else f"review    {folder.review_path}")
+
+
+def view(
+    run: Run,
+    web: Annotated[bool, typer.Option("--web", help="in a browser instead of the native viewer")] = False,
+    screenshot: Annotated[
+        Path | None, typer.Option("--screenshot", metavar="FILE.png", help="a picture, without a screen")
+    ] = None,
+) -> None:
+    """Open the review of a run, on this machine only."""
+    from runtime import view as viewer
+    from runtime.run_folder import RunFolder
+
+    folder = RunFolder.open(run)
+    if screenshot is not None:
+        viewer.screenshot(folder, screenshot)
+    else:
+        viewer.open_review(folder, web)

@@ -31,13 +31,13 @@ class Configuration(BaseModel):
 
     rover: str = Field("infant", pattern=r"^[A-Za-z0-9_-]{1,32}$", description="name in every key that is published")
     seed: int = Field(1, ge=0, le=2**32 - 1, description="seeds the filter")
-    slam: SlamSettings = Field(default_factory=SlamSettings)
+    slam: SlamSettings = SlamSettings()
     laser: LaserSettings | None = None
     encoders: EncoderSettings | None = None
-    loop: LoopSettings = Field(default_factory=LoopSettings)
-    record: RecordSettings = Field(default_factory=RecordSettings)
-    publish: PublishSettings = Field(default_factory=PublishSettings)
-    review: ReviewSettings = Field(default_factory=ReviewSettings)
+    loop: LoopSettings = LoopSettings()
+    record: RecordSettings = RecordSettings()
+    publish: PublishSettings = PublishSettings()
+    review: ReviewSettings = ReviewSettings()
     simulation: SimulationSettings | None = None
 
     @property
@@ -93,7 +93,7 @@ def _set(tree: Tree, key: str, text: str) -> None:
     for table in tables:
         tree = tree.setdefault(table, {})
         if not isinstance(tree, dict):
-            raise ConfigurationError(f"{key} = {text}: {table} is a value, not a table; see the keys of the configuration")
+            raise ConfigurationError(f"{key} = {text}: {table} is a value, not a table; name a key of a table")
     tree[last] = value
 
 

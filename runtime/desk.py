@@ -5,23 +5,45 @@ import time
 from pathlib import Path
 from typing import TextIO
 
-from drivers.simulated.rover import Rover
-from runtime.config import load_configuration
+from drivers.simulated.laser_device import LaserDevice
+from drivers.simulated.rover import Rover, world_for
+from drivers.simulated.settings import SimulationSettings
+from drivers.simulated.world import World
+from runtime.config import load_configuration, load_configuration_text
 from runtime.errors import ConfigurationError
 
 
 def serve_desk(config: Path, overrides: dict[str, str], stop: threading.Event, stream: TextIO) -> None:
-    """Start the devices of a configuration, print where they are, and run until `stop`."""
+    """Start all devices of a configuration, print where they are, and run until `stop`.
+
+    Raises ConfigurationError when the configuration describes no simulated rover.
+    """
     configuration = load_configuration(config, overrides)
-    if configuration.simulation is None or configuration.laser is None or configuration.encoders is None:
-        raise ConfigurationError(f"{config}: needs the tables [simulation], [laser] and [encoders]; see config/mock.toml")
-    rover = Rover(configuration.simulation, configuration.laser, configuration.encoders, time.monotonic_ns)
+    if configuration.simulation is None or configuration.encoders is None:
+        raise ConfigurationError(f"{config}: needs the tables [simulation] and [encoders]; see config/mock.toml")
+    rover = Rover(configuration.simulation, configuration.encoders, time.monotonic_ns)
     rover.start()
     try:
         rover.drive(time.monotonic_ns())
-        bus = rover.encoders.bus
-        stream.write(f"laser  {rover.laser_url}\nwheels {bus.model_dump_json(exclude_none=True)}\n")
+        stream.write(f"laser  {rover.laser_url}\nwheels {rover.encoders.bus.model_dump_json(exclude_none=True)}\n")
         stream.flush()
         stop.wait()
     finally:
         rover.close()
+
+
+def serve_laser(config: Path | None, overrides: dict[str, str], stop: threading.Event, stream: TextIO) -> None:
+    """The laser alone, without a bus: the default world, or that of a configuration."""
+    configuration = load_configuration_text("", overrides) if config is None else load_configuration(config, overrides)
+    simulation = configuration.simulation or SimulationSettings()
+    world, start_ns = World(world_for(simulation)), time.monotonic_ns()
+    device = LaserDevice(
+        simulation.laser, lambda t_ns: world.ranges_at(max(0, t_ns - start_ns)), time.monotonic_ns
+    )
+    device.start()
+    try:
+        stream.write(f"laser  {device.url}\n" + (f"laser  {device.pty_url}\n" if device.pty_url else ""))
+        stream.flush()
+        stop.wait()
+    finally:
+        device.close()

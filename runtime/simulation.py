@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from contextlib import suppress
 from typing import Any
 
 from drivers.laser_settings import LaserSettings
@@ -35,7 +36,6 @@ class SimulatedRover:
         self._tell(
             {
                 "simulation": settings.model_dump(mode="json"),
-                "laser": laser.model_dump(mode="json"),
                 "encoders": encoders.model_dump(mode="json"),
             }
         )
@@ -60,11 +60,10 @@ class SimulatedRover:
 
     def close(self) -> None:
         """End the child."""
-        assert self._process.stdin is not None and self._process.stdout is not None
-        try:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        with suppress(BrokenPipeError):  # the child has ended already, which is what is wanted
             self._process.stdin.close()
-        except BrokenPipeError:
-            pass  # the child has ended already, which is what is wanted
         try:
             self._process.wait(STOP_S)
         except subprocess.TimeoutExpired:

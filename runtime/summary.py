@@ -21,7 +21,14 @@ class ErrorTrack:
     last: Estimate | None = None
     landmarks: int = 0
 
-    def put(self, tick: Tick, estimate: Estimate, timing: Timing, state_hash: bytes, truth: Pose2 | None) -> None:
+    def put(
+        self,
+        tick: Tick,  # noqa: ARG002
+        estimate: Estimate,
+        timing: Timing,  # noqa: ARG002
+        state_hash: bytes,  # noqa: ARG002
+        truth: Pose2 | None,
+    ) -> None:
         """One tick."""
         self.last = estimate
         self.landmarks = int(estimate.counts.get("landmarks", self.landmarks))

@@ -1,11 +1,10 @@
 """The one place that knows which concrete part stands behind each seam."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import version
+
+from drivers.hokuyo import Hokuyo
 
 from drivers.encoders import CanEncoders
-from drivers.hokuyo import Hokuyo
 from drivers.measurements import Encoders, Laser
 from runtime.clock import Clock
 from runtime.config import Configuration
@@ -14,11 +13,10 @@ from runtime.publish import ZenohPublisher
 from runtime.record import Recorder
 from runtime.review_process import ReviewProcess
 from runtime.run_folder import RunFolder
+from runtime.run_header import installed_versions
 from runtime.simulation import SimulatedRover
 from runtime.tick import Sink
 from slam.pose import Pose2
-
-RECORDED_VERSIONS = ("infant", "numpy", "scipy", "numba", "python-can", "pyserial", "eclipse-zenoh", "rerun-sdk", "mcap")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,16 +65,11 @@ def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock) ->
         rover = SimulatedRover(configuration.simulation, laser, encoders)
         laser, encoders = rover.laser, rover.encoders
     review = ReviewProcess(folder.review_path, configuration.review) if configuration.review.live else None
-    recorder = Recorder(folder, configuration.text, versions(), review.feed if review is not None else None)
-    sinks: dict[str, Sink] = {"record": recorder, "publish": ZenohPublisher(configuration.publish, configuration.rover)}
+    recorder = Recorder(folder, configuration.text, installed_versions(), review.feed if review is not None else None)
+    publisher = ZenohPublisher(configuration.publish, configuration.rover, configuration_text=configuration.text)
+    sinks: dict[str, Sink] = {"record": recorder, "publish": publisher}
     if review is not None:
         sinks["review"] = review
     tap = recorder if configuration.record.raw else None
     return Parts(Hokuyo(laser, clock.now_ns, tap), CanEncoders(encoders, clock.now_ns, tap), sinks, rover)
-
-
-def versions() -> dict[str, str]:
-    """Versions of everything that could change a bit of the result."""
-    return {name: version(name) for name in RECORDED_VERSIONS}
-
 

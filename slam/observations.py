@@ -50,4 +50,4 @@ class Features:
     beams: IntArray
 
     def __len__(self) -> int:
-        return self.ranges_m.shape[0]
+        return int(self.ranges_m.shape[0])

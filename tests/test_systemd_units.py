@@ -50,6 +50,7 @@ def test_the_check_tells_an_open_unit_from_a_hardened_one(tmp_path: Path) -> Non
 
 def test_the_watchdog_and_the_restart_rules_fit_a_headless_rover() -> None:
     text = (SYSTEMD / "infant.service").read_text()
-    for line in ("Type=notify", "WatchdogSec=2s", "Restart=always", "RestartPreventExitStatus=2 3", "StartLimitBurst=30"):
+    rules = ("Type=notify", "WatchdogSec=2s", "Restart=always", "RestartPreventExitStatus=2 3", "StartLimitBurst=30")
+    for line in rules:
         assert line in text.splitlines()
     assert "MemoryDenyWriteExecute=" not in re.sub(r"#.*", "", text), "numba cannot run under it"

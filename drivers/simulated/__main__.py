@@ -1,6 +1,6 @@
 """The simulated rover as a program: settings come in on standard input, endpoints go out on standard output.
 
-One JSON object a line. In: {"simulation", "laser", "encoders"} once, then {"drive": start_ns},
+One JSON object a line. In: {"simulation", "encoders"} once, then {"drive": start_ns},
 {"inject": "laser" | "wheels", "fault": {...}} or {"clear": device}. Out: {"laser_url", "encoders"}. The end of
 standard input ends the program.
 """
@@ -11,7 +11,6 @@ import sys
 import time
 from typing import Any, TextIO
 
-from drivers.laser_settings import LaserSettings
 from drivers.simulated.rover import Rover
 from drivers.simulated.settings import SimulationSettings
 from drivers.wheel_settings import EncoderSettings
@@ -22,7 +21,6 @@ def serve(lines: TextIO, answers: TextIO) -> None:
     request = json.loads(lines.readline())
     rover = Rover(
         SimulationSettings.model_validate(request["simulation"]),
-        LaserSettings.model_validate(request["laser"]),
         EncoderSettings.model_validate(request["encoders"]),
         time.monotonic_ns,
     )

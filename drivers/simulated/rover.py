@@ -5,12 +5,31 @@ from typing import Any
 
 import numpy as np
 
-from drivers.laser_settings import LaserSettings
 from drivers.simulated.laser_device import LaserDevice
+from drivers.simulated.laser_profiles import profile_of
 from drivers.simulated.settings import SimulationSettings
 from drivers.simulated.wheel_node import WheelNode
 from drivers.simulated.world import World
+from drivers.simulated.world_settings import WorldSettings
 from drivers.wheel_settings import EncoderSettings
+
+WHEEL_STREAM = 1  # second word of the seed, so that slip does not repeat the world's own numbers
+
+
+def world_for(settings: SimulationSettings) -> WorldSettings:
+    """The world with the beams of the laser model that looks at it; noise and mount stay as configured."""
+    parameters = profile_of(settings.laser).parameters
+    first_step, last_step = parameters.first_step, parameters.last_step
+    laser = settings.world.laser.model_copy(
+        update={
+            "beam_count": last_step - first_step + 1,
+            "steps_per_revolution": parameters.steps_per_turn,
+            "first_bearing_rad": parameters.bearing_rad(first_step),
+            "revolution_s": parameters.period_s,
+            "range_max_m": min(settings.world.laser.range_max_m, parameters.range_max_mm / 1000.0),
+        }
+    )
+    return settings.world.model_copy(update={"laser": laser})
 
 
 class Rover:
@@ -19,15 +38,20 @@ class Rover:
     def __init__(
         self,
         settings: SimulationSettings,
-        laser: LaserSettings,
         encoders: EncoderSettings,
         now_ns: Callable[[], int],
     ) -> None:
-        self._world = World(settings.world)
+        self._world = World(world_for(settings))
         self._start_ns: int | None = None
-        self._device = LaserDevice(settings.laser, self._ranges_at, now_ns)
-        rng = np.random.default_rng([settings.world.seed, 1])
-        self._node = WheelNode(settings.wheels, encoders.bus, self._travel_at, now_ns, rng)
+        self._device = LaserDevice(settings.laser, lambda t_ns: self._world.ranges_at(self._world_ns(t_ns)), now_ns)
+        self._node = WheelNode(
+            settings.wheels,
+            encoders.bus,
+            lambda t_ns: self._world.wheel_travel_m(self._world_ns(t_ns)),
+            now_ns,
+            np.random.default_rng([settings.world.seed, WHEEL_STREAM]),
+        )
+        self._encoders = encoders.model_copy(update={"bus": self._node.bus})
 
     @property
     def laser_url(self) -> str:
