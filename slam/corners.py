@@ -224,7 +224,7 @@ def _corners(
 def corners(beams: Beams, runs: IntArray, settings: FrontEndSettings) -> FloatArray:
     """(c, 8) corners and free ends of walls.
 
-    Columns: range m, bearing rad, variance m^2, covariance m rad, variance rad^2, first and last beam, 1 for a free end.
+    Columns: range m, bearing rad, variance m^2, covariance m rad, variance rad^2, first and last beam, 1 for an end.
     """
     found = np.empty((len(beams) + 2, 8))
     count = _corners(

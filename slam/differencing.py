@@ -23,6 +23,7 @@ VerdictArray = NDArray[np.uint8]
 CountArray = NDArray[np.int64]
 NANOSECOND_S = 1e-9
 WINDOW_RAD = 0.3
+PROBES = 4
 
 
 def equal_angle_difference(now: Scan, before: Scan | None, difference_m: float) -> VerdictArray:
@@ -39,11 +40,23 @@ def equal_angle_difference(now: Scan, before: Scan | None, difference_m: float) 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlacedBeams:
-    """Beams of one scan and where odometry says the laser was."""
+class PlacedScan:
+    """Beams of one scan, its features (k, 2) in the laser's frame, and where odometry says the laser was."""
 
     beams: Beams
+    features_m: FloatArray
     odom_from_laser: Pose2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Vote:
+    """verdicts (n,) of the beams; found_again (k,) number of voters with the same feature, of `voters`;
+    looked (n,) number of voters whose view of a beam's end was free."""
+
+    verdicts: VerdictArray
+    found_again: CountArray
+    looked: CountArray
+    voters: int
 
 
 class CompensatedVote:
@@ -51,10 +64,10 @@ class CompensatedVote:
 
     def __init__(self, settings: FrontEndSettings) -> None:
         self._settings = settings
-        self._past: deque[PlacedBeams] = deque()
+        self._past: deque[PlacedScan] = deque()
 
-    def verdicts(self, placed: PlacedBeams) -> tuple[VerdictArray, bool]:
-        """Verdicts (n,) of the beams, and whether there was any scan to compare with; remembers the new one.
+    def ask(self, placed: PlacedScan) -> Vote:
+        """What the earlier scans say to this one, which is remembered for later ones.
 
         A place counts as found again by a scan that has a return within the tolerance of it; a scan that looked
         through it counts against it; a scan whose view of it was blocked has no vote.
@@ -63,6 +76,7 @@ class CompensatedVote:
         voters = self._voters(beams.stamp_ns)
         found = np.zeros(len(beams), dtype=np.int64)
         looked = np.zeros(len(beams), dtype=np.int64)
+        found_again = np.zeros(placed.features_m.shape[0], dtype=np.int64)
         for past in voters:
             past_from_now = past.odom_from_laser.inverse() @ placed.odom_from_laser
             _look_back(
@@ -77,23 +91,31 @@ class CompensatedVote:
                 found,
                 looked,
             )
+            _find_again(
+                past_from_now.transform(placed.features_m),
+                past.features_m,
+                settings.feature_tolerance_m,
+                settings.tolerance_rad,
+                found_again,
+            )
         least = min(settings.least_support, len(voters))
         kept = (found >= settings.support_share * looked) & (found >= least)
         verdicts = np.where(kept, BeamVerdict.KEPT, BeamVerdict.MOVED).astype(np.uint8)
         verdicts[(looked < least) | (looked == 0)] = BeamVerdict.NOT_COMPARED
         verdicts[np.isnan(beams.ranges_m)] = BeamVerdict.NO_RETURN
         self._remember(placed)
-        return verdicts, bool(voters)
+        return Vote(verdicts, found_again, looked, len(voters))
 
-    def _voters(self, stamp_ns: int) -> list[PlacedBeams]:
+    def _voters(self, stamp_ns: int) -> list[PlacedScan]:
         low, high = self._settings.youngest_s / NANOSECOND_S, self._settings.oldest_s / NANOSECOND_S
-        old_enough = [past for past in self._past if low <= stamp_ns - past.beams.stamp_ns <= high and len(past.beams)]
+        ages = [(stamp_ns - past.beams.stamp_ns, past) for past in self._past if len(past.beams)]
+        old_enough = [past for age, past in ages if low <= age <= high]
         if len(old_enough) <= self._settings.votes:
             return old_enough
         chosen = np.linspace(0, len(old_enough) - 1, self._settings.votes).round().astype(np.int64)
         return [old_enough[i] for i in chosen]
 
-    def _remember(self, placed: PlacedBeams) -> None:
+    def _remember(self, placed: PlacedScan) -> None:
         stamp_ns = placed.beams.stamp_ns
         if self._past and stamp_ns <= self._past[-1].beams.stamp_ns:
             if stamp_ns == self._past[-1].beams.stamp_ns:
@@ -139,9 +161,10 @@ def _look_back(
         while nearest < last and bearing - past_directions_rad[nearest] > 0.5 * spacing_rad:
             nearest += 1
         reach = 1 + int(min(tolerance / max(distance, 1e-3), WINDOW_RAD) / spacing_rad)
+        stride = max(1, reach // PROBES)  # close by, beams are far denser than the tolerance
         here = False
-        for step in range(2 * reach + 1):
-            other = nearest + (step + 1) // 2 if step % 2 else nearest - step // 2
+        for step in range(2 * (reach // stride) + 1):
+            other = nearest + stride * ((step + 1) // 2) if step % 2 else nearest - stride * (step // 2)
             if 0 <= other <= last:
                 gap_x, gap_y = past_points_m[other, 0] - x, past_points_m[other, 1] - y
                 if gap_x * gap_x + gap_y * gap_y < tolerance * tolerance:
@@ -152,3 +175,22 @@ def _look_back(
             looked[beam] += 1
         elif not past_ranges_m[nearest] <= distance:
             looked[beam] += 1
+
+
+@kernel
+def _find_again(
+    features_m: FloatArray,
+    past_features_m: FloatArray,
+    tolerance_m: float,
+    tolerance_rad: float,
+    found_again: CountArray,
+) -> None:
+    """Count for every feature (k, 2) whether a past scan has one (l, 2) at its place."""
+    for feature in range(features_m.shape[0]):
+        x, y = features_m[feature, 0], features_m[feature, 1]
+        tolerance = tolerance_m + tolerance_rad * math.sqrt(x * x + y * y)
+        for other in range(past_features_m.shape[0]):
+            gap_x, gap_y = past_features_m[other, 0] - x, past_features_m[other, 1] - y
+            if gap_x * gap_x + gap_y * gap_y < tolerance * tolerance:
+                found_again[feature] += 1
+                break

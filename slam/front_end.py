@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from drivers.measurements import Scan, ScanLike, Sightings
 from slam.corners import corners
-from slam.differencing import CompensatedVote, PlacedBeams, equal_angle_difference
+from slam.differencing import CompensatedVote, PlacedScan, Vote, equal_angle_difference
 from slam.features import range_extrema, spaced
 from slam.front_end_settings import FrontEndSettings
 from slam.observations import BeamVerdict, Features
@@ -130,18 +130,18 @@ class RobustFrontEnd:
         """
         settings, scan = self._settings, _laser_scan(scan)
         beams = deskew(scan, twist, self._body_from_laser, settings.range_min_m, settings.range_max_m)
-        placed = PlacedBeams(beams, odom_from_body @ self._body_from_laser)
-        compared = False
-        verdicts = np.where(np.isnan(beams.ranges_m), BeamVerdict.NO_RETURN, BeamVerdict.NOT_COMPARED).astype(np.uint8)
-        if self._vote is not None:
-            verdicts, compared = self._vote.verdicts(placed)
-        features = self._features(beams)
-        if compared and not at_rest:
-            licensed = _licensed(verdicts, features[1])
-        else:
-            licensed = np.ones(len(features[1]), dtype=np.bool_)
-        rows, extents = features
+        rows, extents = self._features(beams)
         count = len(rows)
+        licensed = np.ones(count, dtype=np.bool_)
+        if self._vote is None:
+            empty = np.isnan(beams.ranges_m)
+            verdicts = np.where(empty, BeamVerdict.NO_RETURN, BeamVerdict.NOT_COMPARED).astype(np.uint8)
+        else:
+            points = _points(rows[:, 0], rows[:, 1])
+            vote = self._vote.ask(PlacedScan(beams, points, odom_from_body @ self._body_from_laser))
+            verdicts = vote.verdicts
+            if vote.voters and not at_rest:
+                licensed = _licensed(vote, extents, settings)
         covariances = np.empty((count, 2, 2))
         covariances[:, 0, 0], covariances[:, 1, 1] = rows[:, 2], rows[:, 4]
         covariances[:, 0, 1] = covariances[:, 1, 0] = rows[:, 3]
@@ -153,7 +153,7 @@ class RobustFrontEnd:
                 covariances,
                 licensed,
                 np.full(count, -1, dtype=np.int64),
-                extents.sum(axis=1) // 2,
+                _beams_between(beams, extents),
             ),
             verdicts,
         )
@@ -194,10 +194,20 @@ def _equal_covariances(count: int, settings: FrontEndSettings) -> FloatArray:
     return np.tile(np.diag((range_variance, bearing_variance)), (count, 1, 1))
 
 
-def _licensed(verdicts: VerdictArray, extents: IntArray) -> BoolArray:
-    """(k,) True where at least half of the returns between first and last beam (k, 2) were found again."""
-    kept = np.concatenate(([0], np.cumsum(verdicts == BeamVerdict.KEPT)))
-    returned = np.concatenate(([0], np.cumsum(verdicts != BeamVerdict.NO_RETURN)))
+def _beams_between(beams: Beams, extents: IntArray) -> IntArray:
+    """(k,) the middle beam of each extent, or its first where the middle one is empty."""
+    middle = extents.sum(axis=1) // 2
+    chosen: IntArray = np.where(np.isnan(beams.ranges_m[middle]), extents[:, 0], middle)
+    return chosen
+
+
+def _licensed(vote: Vote, extents: IntArray, settings: FrontEndSettings) -> BoolArray:
+    """(k,) True where the feature, and at least half of the returns between its beams (k, 2), were found again."""
+    kept = np.concatenate(([0], np.cumsum(vote.verdicts == BeamVerdict.KEPT)))
+    returned = np.concatenate(([0], np.cumsum(vote.verdicts != BeamVerdict.NO_RETURN)))
     first, after = extents[:, 0], extents[:, 1] + 1
-    licensed: BoolArray = 2 * (kept[after] - kept[first]) >= np.maximum(returned[after] - returned[first], 1)
+    beams_agree = 2 * (kept[after] - kept[first]) >= np.maximum(returned[after] - returned[first], 1)
+    looked = np.maximum(vote.looked[extents[:, 0]], vote.looked[extents[:, 1]])
+    least = np.maximum(settings.support_share * looked, min(settings.least_support, vote.voters))
+    licensed: BoolArray = beams_agree & (vote.found_again >= least)
     return licensed

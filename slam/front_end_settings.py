@@ -75,6 +75,12 @@ class FrontEndSettings(BaseModel):
         le=0.2,
         description="and this much more per metre of range: heading error of odometry over 1 s, rad",
     )
+    feature_tolerance_m: float = Field(
+        default=0.08,
+        gt=0.0,
+        le=5.0,
+        description="the same for features, m: twice the spread of a trunk's centre and a slip of 1 percent",
+    )
     difference_m: float = Field(
         default=0.10, gt=0.0, le=5.0,
         description="paper: equal beams of two scans differ by less, m; not given in print",
@@ -94,7 +100,7 @@ class FrontEndSettings(BaseModel):
         default=1, ge=0, le=10, description="so many empty beams do not end a segment"
     )
     guard_beams: int = Field(
-        default=3, ge=1, le=50,
+        default=2, ge=1, le=50,
         description="so many beams beside a segment must not fall on anything near it",
     )
     width_max_m: float = Field(

@@ -84,10 +84,12 @@ def _trunks(
                 nearest = ranges_m[beam]
         # A beam that fell half beside the edge measures something behind it: not part of a round face.
         face = nearest + 0.5 * nearest * (bearings_rad[last] - bearings_rad[first] + spacing_rad) + 3.0 * sigma_m
-        while first < last and not ranges_m[first] <= face:
+        if first < last and not ranges_m[first] <= face:
             first += 1
-        while last > first and not ranges_m[last] <= face:
+        if last > first and not ranges_m[last] <= face:
             last -= 1
+        if not (ranges_m[first] <= face and ranges_m[last] <= face):
+            continue
         hits, total = 0, 0.0
         for beam in range(first, last + 1):
             if not math.isnan(ranges_m[beam]):
@@ -104,8 +106,8 @@ def _trunks(
             continue
         behind = thin_prominence_m if hits <= 2 else prominence_m
         if not (
-            clear_beside(ranges_m, first, -1, guard, ranges_m[first] + behind)
-            and clear_beside(ranges_m, last, 1, guard, ranges_m[last] + behind)
+            clear_beside(ranges_m, runs[run, 0], -1, guard, ranges_m[first] + behind)
+            and clear_beside(ranges_m, runs[run, 1], 1, guard, ranges_m[last] + behind)
         ):
             continue
         bearing = 0.5 * (bearings_rad[first] + bearings_rad[last])
