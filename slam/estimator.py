@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from drivers.measurements import Scan, ScanLike, WheelSample
 from slam.estimate import Estimate, Quality
 from slam.fastslam import NO_SIGHT, FastSlam, ScanOutcome
-from slam.front_end import Twist, make_front_end
+from slam.front_end import make_front_end
 from slam.joint import JointGaussian
 from slam.observations import Features
 from slam.odometry import Increment, Odometry
 from slam.pose import Pose2
 from slam.quality import judge
 from slam.settings import SlamSettings
+from slam.sweep import Twist
 from slam.warm_up import TICK_NS, warm_up_drive, warm_up_settings
 
 FloatArray = NDArray[np.float64]
@@ -34,9 +35,14 @@ class Estimator:
         mount = settings.mount.as_pose()
         techniques = settings.techniques
         self._odometry = Odometry(settings.odometry, settings.unscented)
-        self._front_end = make_front_end(settings.front_end, techniques.difference, techniques.sparse, mount)
+        self._front_end = make_front_end(
+            settings.front_end,
+            difference=techniques.difference,
+            sparse=techniques.sparse,
+            body_from_laser=mount,
+        )
         self._particles = FastSlam(settings, self._generator)
-        self._joint = JointGaussian(settings.joint, mount)
+        self._joint = JointGaussian(settings.joint, mount, settings.tuning())
         self._scan_ns: int | None = None
         self._refused_scans = 0
         self._not_finite = 0
@@ -53,8 +59,9 @@ class Estimator:
         features, verdicts = self._front_end.observe(
             scan, self._odometry.odom_from_body, twist, increment.at_rest
         )
-        outcome = self._particles.step(increment, features, sight_line(scan))
-        self._joint.step(increment.mean, increment.covariance, features, outcome.matches)
+        sight = sight_line(scan)
+        outcome = self._particles.step(increment, features, sight)
+        self._joint.step(increment.mean, increment.covariance, features, outcome.matches, sight)
         self._chain_hash(outcome)
         return self._with_scan(stamp_ns, increment, features, verdicts, outcome)
 
