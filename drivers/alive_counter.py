@@ -3,8 +3,10 @@
 from collections import deque
 
 LATE_FRAMES = 3  # a frame this much older than the newest is late, not lost
-TOO_SOON_FRAMES = 3.0  # a counter may run this far ahead of time before it is another sender's
-CREDIT_KEPT = 0.98  # per frame, so that a node whose clock is off by 1 % stays in step
+HASTE = 0.3  # frames that come in less than this part of their time ...
+AHEAD_FRAMES = 0.7  # ... and were not waited for, are another sender's if they are this far ahead of time
+FIRST_CREDIT = 3.0  # the first frame may have waited in a queue itself
+CREDIT_KEPT = 0.8  # per frame that comes at its own time: the queue is empty then
 
 
 class AliveCounter:
@@ -14,13 +16,13 @@ class AliveCounter:
         self._modulus = modulus
         self._late = min(LATE_FRAMES, modulus // 4 - 1)
         self._recent: deque[tuple[int | None, float | None]] = deque(maxlen=LATE_FRAMES + 1)
-        self._credit = 0.0
+        self._credit = FIRST_CREDIT
         self._doubtful = 0
 
     def restart(self) -> None:
         """Forget the frames so far."""
         self._recent.clear()
-        self._credit = 0.0
+        self._credit = FIRST_CREDIT
         self._doubtful = 0
 
     def steps(self, before: int | None, after: int | None, elapsed: float) -> tuple[int, str | None]:
@@ -43,12 +45,12 @@ class AliveCounter:
         return "alive_frozen" if any(alive == number for number, _ in self._recent) else "out_of_order"
 
     def too_soon(self, steps: int, elapsed: float) -> bool:
-        """True where the counter has skipped more frames than there was time for.
+        """True for a frame that one sender could not have sent yet.
 
-        Frames that waited in a queue come in a bunch, but one by one; time that has passed without frames is
-        their credit.
+        Frames that waited in a queue come in a bunch too; the time that passed without them is their credit.
         """
-        return bool(self._modulus) and steps > 1 and self._credit + elapsed - steps < -TOO_SOON_FRAMES
+        hasty = bool(self._modulus) and elapsed < HASTE * steps
+        return hasty and self._credit + elapsed - steps < -AHEAD_FRAMES
 
     def accept(self, alive: int | None, position: float | None, steps: int, elapsed: float) -> int:
         """Note an accepted frame; returns the number of frames that were surely lost before it.
@@ -66,7 +68,10 @@ class AliveCounter:
             lost += (steps - 1) - turns * modulus
         elif elapsed > 1.5:
             lost += steps - 1
-        credit = CREDIT_KEPT * self._credit + elapsed - (steps - turns * modulus)
-        self._credit = min(credit, max(1.0, elapsed)) if elapsed >= 0.5 else credit
+        gain = elapsed - (steps - turns * modulus)
+        if elapsed >= 0.5:
+            self._credit = min(CREDIT_KEPT * self._credit + gain, max(FIRST_CREDIT, elapsed))
+        else:
+            self._credit += gain
         self._recent.append((alive, position))
         return lost

@@ -19,7 +19,7 @@ SPEED_STEPS = 3  # the last speed says nothing of more frames than this
 RESIDUAL_KEPT = 0.96  # per frame: half a second at 50 Hz
 CONFIRMATIONS = 2  # frames of the second track, the first one included, before the total follows it
 STALE_CONFIRMATIONS = 5  # the same where they bear the boot id of before: late frames come at most 3 late
-SENDERS_SURE = 3  # interleaved frames of a second track
+SENDERS_SURE = 2  # interleaved frames of a second track
 SENDERS_FORGOTTEN = 15  # frames of the first track alone, after which there is one sender again
 SILENT_PERIODS = 10.0  # after so long a node may have been off, whether or not it says so
 
@@ -227,6 +227,7 @@ class WheelCounter:
             self.counters["power_cycle"] += 1
         self.two_senders = False
         self._begin(other)
+        self._expected = None  # nothing was added up along this track
         steps, _ = self._steps(other, stamp_ns, reading)
         self._accept(stamp_ns, reading, self._delta(other.reading, reading), steps)
         return None

@@ -1,17 +1,21 @@
-"""Two simulated encoder nodes as pure state: time and true travel in, CAN frames out."""
+"""Two simulated encoder nodes as pure state: time and true travel in, CAN frames out.
+
+Messages are those of config/infant.dbc, whose layout is the only one that these nodes speak.
+"""
 
 from functools import partial
 
 import numpy as np
+from cantools.database.can import Message
 
 from drivers.simulated.wheel_faults import ActiveFault, disturbed, error_frame, restarted_frame
 from drivers.simulated.wheel_odometer import WheelOdometer
 from drivers.simulated.wheel_settings import SimulatedWheelSettings, WheelFault
 from drivers.wheel_frames import CanFrame, NodeInfo, Wheel
-from drivers.wheel_layouts import layout_messages
 from drivers.wheel_messages import FeedbackMessage, InfoMessage
 from drivers.wheel_settings import DbcLayout
 
+LAYOUT = DbcLayout()
 COUNT_MASK = 0xFFFFFFFF
 ERROR_FRAMES_PER_BEAT = 5
 SCHEMA_VERSION = 1
@@ -24,14 +28,13 @@ class EncoderNode:
         self,
         wheel: Wheel,
         settings: SimulatedWheelSettings,
+        messages: dict[str, Message],
         odometer: WheelOdometer,
         start_ns: int,
         offset: int = 0,
     ) -> None:
-        layout = DbcLayout()
-        self._signals = layout.left if wheel is Wheel.LEFT else layout.right
+        self._signals = LAYOUT.left if wheel is Wheel.LEFT else LAYOUT.right
         assert self._signals.info is not None
-        messages = layout_messages(layout)
         self._feedback = FeedbackMessage(wheel, messages[self._signals.message], self._signals, 1.0)
         self._info = InfoMessage(wheel, messages[self._signals.info.message], self._signals.info)
         self._settings = settings
@@ -88,11 +91,18 @@ class EncoderNode:
 class EncoderNodes:
     """Both nodes and the faults that are on. Frames carry the moment of sending as their stamp."""
 
-    def __init__(self, settings: SimulatedWheelSettings, start_ns: int, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        settings: SimulatedWheelSettings,
+        messages: dict[str, Message],
+        start_ns: int,
+        rng: np.random.Generator,
+    ) -> None:
         self._settings = settings
+        self._messages = messages
         self._rng = rng
         self._nodes = {
-            wheel: EncoderNode(wheel, settings, WheelOdometer(settings, factor, rng), start_ns)
+            wheel: EncoderNode(wheel, settings, messages, WheelOdometer(settings, factor, rng), start_ns)
             for wheel, factor in (
                 (Wheel.LEFT, settings.left_radius_factor),
                 (Wheel.RIGHT, settings.right_radius_factor),
@@ -165,7 +175,8 @@ class EncoderNodes:
         """A frame of the other node under the same id: it counts a wheel of its own."""
         if wheel not in self._doubles:
             odometer = WheelOdometer(self._settings, 1.0, self._rng)
-            double = EncoderNode(wheel, self._settings, odometer, stamp_ns, round(active.fault.magnitude))
+            offset = round(active.fault.magnitude)
+            double = EncoderNode(wheel, self._settings, self._messages, odometer, stamp_ns, offset)
             double.boot_id, double.alive = active.fault.value % 16, 7
             self._doubles[wheel] = double
         return self._doubles[wheel].feedback(stamp_ns + 1_000_000, 0.6 * travel_m, set(), 0, 0)

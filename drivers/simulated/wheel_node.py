@@ -10,9 +10,10 @@ import numpy as np
 from drivers.can_bus import BusReadError, CanBus
 from drivers.can_loopback import free_port
 from drivers.measurements import LinkError
-from drivers.simulated.encoder_nodes import EncoderNodes
+from drivers.simulated.encoder_nodes import LAYOUT, EncoderNodes
 from drivers.simulated.wheel_settings import SimulatedWheelSettings, WheelFault
 from drivers.wheel_frames import CanFrame, Wheel
+from drivers.wheel_layouts import layout_messages
 from drivers.wheel_settings import BusSettings
 
 REOPEN_S = 0.2
@@ -44,7 +45,7 @@ class WheelNode:
         self._travel_at = travel_at
         self._now_ns = now_ns
         self._rng = rng
-        self._nodes = EncoderNodes(settings, now_ns(), rng)
+        self._nodes = EncoderNodes(settings, layout_messages(LAYOUT), now_ns(), rng)
         self._burst = 0
         self._lock = threading.Lock()
         self._stop = threading.Event()
