@@ -1,14 +1,32 @@
 """What stands once at the head of a run: configuration, versions, boot, and the offset to wall time."""
 
 import hashlib
+import platform
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 FORMAT = "1"
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+
+PACKAGES = (
+    *("infant", "numpy", "scipy", "numba", "python-can", "pyserial"),
+    *("eclipse-zenoh", "rerun-sdk", "mcap", "rosbags"),
+)
+
+
+def installed_versions() -> dict[str, str]:
+    """Versions of everything that could change a bit of the result, and of Python."""
+    versions = {"python": platform.python_version(), "machine": platform.machine()}
+    for package in PACKAGES:
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            versions[package] = "absent"
+    return versions
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +51,11 @@ class RunHeader:
         boot_id = BOOT_ID.read_text().strip() if BOOT_ID.exists() else ""
         offset_ns = time.time_ns() - time.monotonic_ns()
         return cls(configuration_text, "live", versions, boot_id, offset_ns, f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}")
+
+    @property
+    def is_import(self) -> bool:
+        """Whether only inputs were recorded here; estimates are then those of a replay."""
+        return self.source.startswith("import ")
 
     @property
     def metadata(self) -> dict[str, dict[str, str]]:

@@ -18,22 +18,45 @@ from runtime.tick import Tick, Timing
 from slam.estimate import Estimate
 from slam.pose import Pose2
 
+OUTCOMES = frozenset(("/estimate", "/pose", "/odom", "/timing", "/state_hash", "/truth"))
 
-@dataclass(slots=True)
+
+@dataclass(frozen=True, slots=True)
 class RecordedTick:
     """One tick as it came in and, where it was recorded, what came of it.
 
     inputs: the records that the tick was decoded from, for whoever writes it again unchanged.
-    gaps: what the record had lost before this tick.
+    outcomes: the others by topic, decoded only when asked for. gaps: what the record had lost before this tick.
     """
 
     tick: Tick
     inputs: list[Record]
-    gaps: list[Gap] = field(default_factory=list)
-    estimate: Estimate | None = None
-    timing: Timing | None = None
-    state_hash: bytes | None = None
-    truth: Pose2 | None = None
+    gaps: list[Gap]
+    outcomes: dict[str, Record] = field(default_factory=dict)
+
+    @property
+    def estimate(self) -> Estimate | None:
+        """What the estimator said."""
+        record = self.outcomes.get("/estimate")
+        return None if record is None else decode_estimate(record.data)
+
+    @property
+    def timing(self) -> Timing | None:
+        """How the loop kept time."""
+        record = self.outcomes.get("/timing")
+        return None if record is None else decode_timing(record.data)
+
+    @property
+    def state_hash(self) -> bytes | None:
+        """Hash of the filter's state after the tick."""
+        record = self.outcomes.get("/state_hash")
+        return None if record is None else decode_state_hash(record.data)
+
+    @property
+    def truth(self) -> Pose2 | None:
+        """Where a simulated rover really was."""
+        record = self.outcomes.get("/truth")
+        return None if record is None else decode_truth(record.data)
 
 
 class RunReader:
@@ -75,8 +98,8 @@ class RunReader:
         for topic, stamp_ns, data in self._file.messages():
             yield Record(topic, stamp_ns, data)
 
-    def ticks(self, outcomes: bool = True) -> Iterator[RecordedTick]:
-        """Every whole tick; without `outcomes` only what came in is decoded, which is faster.
+    def ticks(self) -> Iterator[RecordedTick]:
+        """Every whole tick.
 
         Only one tick is held at a time. A tick is whole by construction: its records are never parted by a chunk.
         """
@@ -98,8 +121,8 @@ class RunReader:
                 self.gaps.append(gaps[-1])
             elif current is not None and record.topic == "/diagnostics":
                 current.inputs.append(record)
-            elif current is not None and outcomes:
-                _add_outcome(current, record)
+            elif current is not None and record.topic in OUTCOMES:
+                current.outcomes[record.topic] = record
         if current is not None:
             yield self._counted(current)
 
@@ -121,15 +144,3 @@ def _recorded_tick(record: Record, scan: Record | None, gaps: list[Gap]) -> Reco
     ranges_m: NDArray[np.float32] | None = None if scan is None else decode_ranges_m(scan.data)
     inputs = [record] if scan is None else [scan, record]
     return RecordedTick(decode_tick(record.data, ranges_m), inputs, gaps)
-
-
-def _add_outcome(recorded: RecordedTick, record: Record) -> None:
-    match record.topic:
-        case "/estimate":
-            recorded.estimate = decode_estimate(record.data)
-        case "/timing":
-            recorded.timing = decode_timing(record.data)
-        case "/state_hash":
-            recorded.state_hash = decode_state_hash(record.data)
-        case "/truth":
-            recorded.truth = decode_truth(record.data)

@@ -171,8 +171,3 @@ def test_a_run_of_another_format_is_refused_by_name(tmp_path: Path) -> None:
     file.close()
     with pytest.raises(NotARunError, match="its format is 99"):
         RunReader(tmp_path)
-
-
-def test_only_what_came_in_can_be_asked_for(tmp_path: Path) -> None:
-    write_run(tmp_path / "run")
-    assert all(again.estimate is None for again in RunReader(tmp_path / "run").ticks(outcomes=False))

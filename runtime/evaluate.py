@@ -1,0 +1,212 @@
+"""How far the estimates of a run are from what is known of the truth."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.config import load_configuration_text
+from runtime.errors import UsageError
+from runtime.estimate_messages import decode_pose
+from runtime.importers.data_set_truth import DataSetTruth
+from runtime.messages import decode_truth
+from runtime.paper.trajectory_error import PositionError, position_error, rigid_fit
+from runtime.run_folder import RunFolder
+from runtime.run_reader import RunReader
+from runtime.trajectory_files import composed, nearest_rows, poses_at, read_tum, relative_poses, tum_text
+
+FloatArray = NDArray[np.float64]
+PAIRING_S = 0.05  # data README: relation times are paired within this
+LEAST_FIT_POINTS = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectories:
+    """Rows of t s, x m, y m, heading rad: estimated, dead reckoning alone, and the simulator's truth (n, 4) or None."""
+
+    estimated: FloatArray
+    odometry: FloatArray
+    simulated: FloatArray | None
+
+
+def evaluate(run: Path, truth: Path | None = None) -> dict[str, Any]:
+    """Figures of a run's estimates; those of the newest replay inside it if the run was imported.
+
+    truth: a TUM file to compare with instead of what the run itself holds. Keys as --json prints them; a figure for
+    which there is no truth is None. Also writes RUN/trajectory.tum. Raises NotARunError, UsageError,
+    ConfigurationError, StorageError.
+    """
+    folder = RunFolder.open(run)
+    reader = RunReader(run)
+    estimates = reader
+    if reader.header.is_import:
+        newest = folder.newest_replay()
+        if newest is None:
+            raise UsageError(f"{run} was imported and has no estimates yet; make them with: infant replay {run}")
+        estimates = RunReader(newest.path)
+    trajectories = read_trajectories(estimates)
+    folder.write(folder.trajectory_path, tum_text(trajectories.estimated))
+    configuration = load_configuration_text(estimates.header.configuration_text)
+    mount = configuration.slam.mount
+    figures = nothing_known()
+    if truth is not None:
+        figures |= against_poses(trajectories.estimated, read_tum(truth), f"poses of {truth.name}")
+    elif trajectories.simulated is not None:
+        figures |= against_simulation(trajectories)
+    else:
+        held = DataSetTruth.from_attachments(reader.attachments)
+        if held is not None:
+            figures |= against_data_set(trajectories, held, (mount.x_m, mount.y_m, mount.yaw_rad))
+    return {
+        "run": str(run),
+        "estimates": str(estimates.folder.path),
+        "poses": len(trajectories.estimated),
+        **figures,
+        "trajectory": str(folder.trajectory_path),
+        "truncated": estimates.truncated or None,
+    }
+
+
+def evaluation_lines(figures: dict[str, Any]) -> list[str]:
+    """The figures for a person."""
+    lines = [f"estimates {figures['estimates']}, {figures['poses']} poses", f"truth     {figures['truth']}"]
+    if figures["rms_m"] is not None:
+        lines.append(
+            f"position  RMS {figures['rms_m']:.3f} m, 95 %-trimmed {figures['trimmed_rms_m']:.3f} m, largest "
+            f"{figures['max_m']:.3f} m over {figures['n']} ({figures['frame']})"
+        )
+    if figures["aligned_rms_m"] is not None:
+        lines.append(f"          RMS {figures['aligned_rms_m']:.3f} m after the best rigid fit")
+    if figures["odometry_rms_m"] is not None:
+        lines.append(f"          RMS {figures['odometry_rms_m']:.3f} m for odometry alone")
+    if figures["relation_translation_m"] is not None:
+        lines.append(
+            f"relations {figures['relation_translation_m']:.3f} m, {figures['relation_rotation_deg']:.2f} deg on "
+            f"average over {figures['relations']}; odometry alone {figures['odometry_relation_translation_m']:.3f} m, "
+            f"{figures['odometry_relation_rotation_deg']:.2f} deg"
+        )
+    lines.append(f"for evo   {figures['trajectory']}")
+    if figures["truncated"]:
+        lines.append(f"note      {figures['truncated']}")
+    return lines
+
+
+def nothing_known() -> dict[str, Any]:
+    """Every figure, none of them known."""
+    names = (
+        *("frame", "n", "rms_m", "trimmed_rms_m", "max_m", "aligned_rms_m", "odometry_rms_m"),
+        *("relations", "relation_translation_m", "relation_translation_std_m"),
+        *("relation_rotation_deg", "relation_rotation_std_deg"),
+        *("odometry_relation_translation_m", "odometry_relation_rotation_deg"),
+    )
+    return {"truth": "none: this recording has no truth", **dict.fromkeys(names)}
+
+
+def read_trajectories(reader: RunReader) -> Trajectories:
+    """Only poses are kept. Raises UsageError when the run holds no estimate."""
+    estimated, odometry, simulated = [], [], []
+    for record in reader.records():
+        if record.topic == "/estimate":
+            pose, odom = decode_pose(record.data)
+            estimated.append((record.stamp_ns * 1e-9, pose.x_m, pose.y_m, pose.heading_rad))
+            odometry.append((record.stamp_ns * 1e-9, odom.x_m, odom.y_m, odom.heading_rad))
+        elif record.topic == "/truth":
+            pose = decode_truth(record.data)
+            simulated.append((record.stamp_ns * 1e-9, pose.x_m, pose.y_m, pose.heading_rad))
+    if not estimated:
+        raise UsageError(f"{reader.folder.path} holds no estimates; replay it first")
+    return Trajectories(np.array(estimated), np.array(odometry), np.array(simulated) if simulated else None)
+
+
+def against_simulation(trajectories: Trajectories) -> dict[str, Any]:
+    """In the frame of the start pose, where the simulated map begins, and after a rigid fit of the whole path."""
+    truth = trajectories.simulated
+    assert truth is not None  # the caller has looked
+    estimated = poses_at(trajectories.estimated, truth[:, 0])[:, :2]
+    odometry = poses_at(trajectories.odometry, truth[:, 0])[:, :2]
+    known = np.isfinite(estimated[:, 0])
+    return {
+        "truth": "simulator",
+        "frame": "frame of the start pose",
+        **_position_figures(position_error(estimated[known], truth[known, 1:3]), int(known.sum())),
+        "aligned_rms_m": _fitted(estimated[known], truth[known, 1:3]).rms_m,
+        "odometry_rms_m": position_error(odometry[known], truth[known, 1:3]).rms_m,
+    }
+
+
+def against_data_set(
+    trajectories: Trajectories, truth: DataSetTruth, body_from_laser: tuple[float, float, float]
+) -> dict[str, Any]:
+    """Whatever the set has: fixes or poses for the position, relations for the shape."""
+    figures: dict[str, Any] = {}
+    if truth.fixes is not None:
+        figures |= against_fixes(trajectories, truth.fixes, body_from_laser)
+    elif truth.poses is not None:
+        figures |= against_poses(trajectories.estimated, truth.poses, truth.pose_kind)
+        figures["odometry_rms_m"] = against_poses(trajectories.odometry, truth.poses, "")["rms_m"]
+    if truth.relations is not None:
+        figures |= against_relations(trajectories.estimated, truth.relations)
+        alone = against_relations(trajectories.odometry, truth.relations)
+        figures["odometry_relation_translation_m"] = alone["relation_translation_m"]
+        figures["odometry_relation_rotation_deg"] = alone["relation_rotation_deg"]
+    return figures
+
+
+def against_fixes(
+    trajectories: Trajectories, fixes: FloatArray, body_from_laser: tuple[float, float, float]
+) -> dict[str, Any]:
+    """GPS: the laser's point, beside which the antenna stands, fitted rigidly to the good fixes."""
+    points = composed(poses_at(trajectories.estimated, fixes[:, 0]), body_from_laser)[:, :2]
+    alone = composed(poses_at(trajectories.odometry, fixes[:, 0]), body_from_laser)[:, :2]
+    known = np.isfinite(points[:, 0])
+    if known.sum() < LEAST_FIT_POINTS:
+        return {"truth": "GPS, but no fix lies within the estimates"}
+    return {
+        "truth": "GPS, good fixes",
+        "frame": "rigid fit of the laser point",
+        **_position_figures(_fitted(points[known], fixes[known, 1:3]), int(known.sum())),
+        "odometry_rms_m": _fitted(alone[known], fixes[known, 1:3]).rms_m,
+    }
+
+
+def against_poses(estimated: FloatArray, truth: FloatArray, kind: str) -> dict[str, Any]:
+    """Reference poses (n, 4), fitted rigidly by their positions."""
+    points = poses_at(estimated, truth[:, 0])[:, :2]
+    known = np.isfinite(points[:, 0])
+    if known.sum() < LEAST_FIT_POINTS:
+        return {"truth": f"{kind}, but none lies within the estimates"}
+    return {
+        "truth": kind,
+        "frame": "rigid fit of the path",
+        **_position_figures(_fitted(points[known], truth[known, 1:3]), int(known.sum())),
+    }
+
+
+def against_relations(estimated: FloatArray, relations: FloatArray) -> dict[str, Any]:
+    """Mean and standard deviation of (true relation)^-1 (estimated relation) (Kuemmerle et al. 2009)."""
+    first = nearest_rows(estimated, relations[:, 0], PAIRING_S)
+    second = nearest_rows(estimated, relations[:, 1], PAIRING_S)
+    paired = (first >= 0) & (second >= 0)
+    if not paired.any():
+        return {"relations": 0}
+    between = relative_poses(estimated[first[paired], 1:], estimated[second[paired], 1:])
+    error = relative_poses(relations[paired, 2:5], between)
+    metres, degrees = np.hypot(error[:, 0], error[:, 1]), np.degrees(np.abs(error[:, 2]))
+    return {
+        "relations": int(paired.sum()),
+        "relation_translation_m": float(metres.mean()),
+        "relation_translation_std_m": float(metres.std()),
+        "relation_rotation_deg": float(degrees.mean()),
+        "relation_rotation_std_deg": float(degrees.std()),
+    }
+
+
+def _fitted(points_m: FloatArray, onto_m: FloatArray) -> PositionError:
+    """Error after the rigid motion that fits all points best; outliers leave only the trimmed figure."""
+    return position_error(rigid_fit(points_m, onto_m).transform(points_m), onto_m)
+
+
+def _position_figures(error: PositionError, count: int) -> dict[str, Any]:
+    return {"n": count, "rms_m": error.rms_m, "trimmed_rms_m": error.trimmed_rms_m, "max_m": error.largest_m}
