@@ -1,0 +1,140 @@
+"""Which feature is which landmark, judged by the joint Gaussian: sequential, exclusive, nearest first.
+
+Works on a copy of the pose and the landmarks that can be in view, so that every match moves the pose before the next
+feature is looked at.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.angles import wrapped
+from slam.compiled import kernel
+from slam.joint_measurement import fold, innovation_covariance, slopes
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+NEW, UNLICENSED, AMBIGUOUS, EXCLUDED = -1, -2, -3, -4
+PENDING = -100
+
+
+class Gates(NamedTuple):
+    """Squared Mahalanobis distances; nearest landmark d: match up to clip(base + per_metre d, base, widest)."""
+
+    match_base: float
+    match_per_metre: float
+    match_widest: float
+    create: float
+
+
+@kernel
+def distance_to(
+    mean: FloatArray, covariance: FloatArray, mount: FloatArray, at: int, feature: FloatArray
+) -> tuple[float, float]:
+    """Squared Mahalanobis distance of a feature to the landmark at `at`, and the logarithm of (4) for it."""
+    slope = slopes(mean, mount, mean[at], mean[at + 1])
+    rr, rb, bb = innovation_covariance(covariance, at, slope)
+    rr, rb, bb = rr + feature[2], rb + feature[3], bb + feature[4]
+    determinant = rr * bb - rb * rb
+    range_gap, bearing_gap = feature[0] - slope.range_m, wrapped(feature[1] - slope.bearing_rad)
+    square = (bb * range_gap * range_gap - 2.0 * rb * range_gap * bearing_gap + rr * bearing_gap * bearing_gap) / determinant
+    return square, -0.5 * (square + math.log(39.47841760435743 * determinant))
+
+
+@kernel
+def gate_of(nearest_m: float, gates: Gates) -> float:
+    """The density-adapted threshold (5): strict where landmarks are dense, bounded where one stands alone."""
+    return min(gates.match_base + gates.match_per_metre * nearest_m, gates.match_widest)
+
+
+@kernel
+def associate(
+    mean: FloatArray,
+    covariance: FloatArray,
+    mount: FloatArray,
+    nearest_m: FloatArray,
+    features: FloatArray,
+    order: IntArray,
+    gates: Gates,
+    chosen: IntArray,
+) -> None:
+    """Fill chosen (K,) with landmark numbers or verdicts.
+
+    mean (3 + 2 L,) and covariance are overwritten by the sequential update; nearest_m (L,) is each landmark's distance to
+    its nearest neighbour; features (K, 6): range, bearing, rr, rb, bb, licence.
+    """
+    landmarks = nearest_m.size
+    used = np.zeros(landmarks, dtype=np.bool_)
+    work = np.empty((2, mean.size))
+    chosen[:] = PENDING
+    for position in range(order.size):
+        feature = order[position]
+        while chosen[feature] == PENDING:
+            best, best_log, best_square = -1, -math.inf, math.inf
+            least, least_excluded = math.inf, False
+            for landmark in range(landmarks):
+                at = 3 + 2 * landmark
+                square, log = distance_to(mean, covariance, mount, at, features[feature])
+                if square < least:
+                    least, least_excluded = square, used[landmark]
+                if not used[landmark] and log > best_log and square <= gate_of(nearest_m[landmark], gates):
+                    best, best_log, best_square = landmark, log, square
+            if best < 0:
+                if least < gates.create:
+                    chosen[feature] = EXCLUDED if least_excluded else AMBIGUOUS
+                else:
+                    chosen[feature] = NEW if features[feature, 5] > 0.0 else UNLICENSED
+                break
+            at = 3 + 2 * best
+            taker = feature
+            for later in range(position + 1, order.size):
+                rival = order[later]
+                if chosen[rival] == PENDING:
+                    square, _ = distance_to(mean, covariance, mount, at, features[rival])
+                    if square < best_square:
+                        taker, best_square = rival, square
+            slope = slopes(mean, mount, mean[at], mean[at + 1])
+            fold(mean, covariance, at, slope, features[taker], work)
+            chosen[taker] = best
+            used[best] = True
+
+
+@kernel
+def follow(
+    mean: FloatArray,
+    covariance: FloatArray,
+    mount: FloatArray,
+    identities: IntArray,
+    features: FloatArray,
+    order: IntArray,
+    told: IntArray,
+    gate: float,
+    chosen: IntArray,
+) -> None:
+    """Fill chosen (K,) with the landmarks that somebody else told (K,), as far as they pass the gate.
+
+    told: an identity, or a verdict, which stands. An identity that is not among identities (L,) starts a landmark. mean and
+    covariance are overwritten by the sequential update.
+    """
+    used = np.zeros(identities.size, dtype=np.bool_)
+    work = np.empty((2, mean.size))
+    for position in range(order.size):
+        feature = order[position]
+        chosen[feature] = told[feature]
+        if told[feature] < 0:
+            continue
+        chosen[feature] = NEW if features[feature, 5] > 0.0 else UNLICENSED
+        for landmark in range(identities.size):
+            if identities[landmark] == told[feature]:
+                at = 3 + 2 * landmark
+                square, _ = distance_to(mean, covariance, mount, at, features[feature])
+                if used[landmark] or square > gate:
+                    chosen[feature] = EXCLUDED if used[landmark] else AMBIGUOUS
+                    break
+                fold(mean, covariance, at, slopes(mean, mount, mean[at], mean[at + 1]), features[feature], work)
+                chosen[feature] = landmark
+                used[landmark] = True
+                break

@@ -1,0 +1,252 @@
+"""Prediction, update, growth and shrinking of one Gaussian over the pose and many landmarks, in place.
+
+mean (N,) and covariance (N, N) are stores with room to grow; the first n entries are in use. Jacobians are those of the
+right-invariant error: see `carry`.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.angles import wrapped
+from slam.compiled import kernel
+from slam.joint_measurement import project, slopes
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@kernel
+def predict(
+    mean: FloatArray,
+    covariance: FloatArray,
+    n: int,
+    increment: FloatArray,
+    increment_covariance: FloatArray,
+    jump_x: float,
+    jump_y: float,
+) -> None:
+    """Move the pose by an increment (3,) given in its own frame; O(n).
+
+    jump: what the last update moved the position by, if the derivative is to be taken at first estimates, else 0.
+    """
+    cosine, sine = math.cos(mean[2]), math.sin(mean[2])
+    dx = cosine * increment[0] - sine * increment[1]
+    dy = sine * increment[0] + cosine * increment[1]
+    mean[0] += dx
+    mean[1] += dy
+    mean[2] = wrapped(mean[2] + increment[2])
+    dx, dy = dx + jump_x, dy + jump_y
+    for column in range(n):
+        heading = covariance[2, column]
+        covariance[0, column] -= dy * heading
+        covariance[1, column] += dx * heading
+    for row in range(n):
+        heading = covariance[row, 2]
+        covariance[row, 0] -= dy * heading
+        covariance[row, 1] += dx * heading
+    q = increment_covariance
+    xy = cosine * sine * (q[0, 0] - q[1, 1]) + (cosine * cosine - sine * sine) * q[0, 1]
+    xh, yh = cosine * q[0, 2] - sine * q[1, 2], sine * q[0, 2] + cosine * q[1, 2]
+    covariance[0, 0] += cosine * cosine * q[0, 0] - 2.0 * cosine * sine * q[0, 1] + sine * sine * q[1, 1]
+    covariance[1, 1] += sine * sine * q[0, 0] + 2.0 * cosine * sine * q[0, 1] + cosine * cosine * q[1, 1]
+    covariance[2, 2] += q[2, 2]
+    covariance[0, 1] += xy
+    covariance[0, 2] += xh
+    covariance[1, 2] += yh
+    for row in range(n):
+        for column in range(min(row, 3)):
+            covariance[row, column] = covariance[column, row]
+
+
+@kernel
+def whiten(projected: FloatArray, innovation: FloatArray, gap: FloatArray) -> None:
+    """projected (m, n) and gap (m,) become L^-1 times themselves, where innovation (m, m) = L L^T is overwritten by L."""
+    m = gap.size
+    for row in range(m):
+        for column in range(row + 1):
+            total = innovation[row, column]
+            for inner in range(column):
+                total -= innovation[row, inner] * innovation[column, inner]
+            if row == column:
+                innovation[row, row] = math.sqrt(max(total, 1e-15))
+            else:
+                innovation[row, column] = total / innovation[column, column]
+    for row in range(m):
+        for inner in range(row):
+            factor = innovation[row, inner]
+            gap[row] -= factor * gap[inner]
+            projected[row] -= factor * projected[inner]
+        gap[row] /= innovation[row, row]
+        projected[row] /= innovation[row, row]
+
+
+@kernel
+def update(
+    mean: FloatArray,
+    covariance: FloatArray,
+    linearised_at: FloatArray,
+    n: int,
+    mount: FloatArray,
+    places: IntArray,
+    features: FloatArray,
+    invariant: bool,
+) -> None:
+    """All matched features of a scan at once: places (k,) of the landmarks, features (k, 6).
+
+    Jacobians are taken at linearised_at (N,).
+    """
+    k = places.size
+    projected = np.empty((2 * k, n))
+    gap = np.empty(2 * k)
+    innovation = np.zeros((2 * k, 2 * k))
+    for index in range(k):
+        at = places[index]
+        slope = slopes(linearised_at, mount, linearised_at[at], linearised_at[at + 1])
+        project(covariance, at, slope, projected[2 * index : 2 * index + 2])
+        here = slopes(mean, mount, mean[at], mean[at + 1])
+        gap[2 * index] = features[index, 0] - here.range_m
+        gap[2 * index + 1] = wrapped(features[index, 1] - here.bearing_rad)
+    for column in range(k):
+        at = places[column]
+        s = slopes(linearised_at, mount, linearised_at[at], linearised_at[at + 1])
+        for row in range(2 * column, 2 * k):
+            p = projected[row]
+            x, y = p[0] - p[at], p[1] - p[at + 1]
+            innovation[row, 2 * column] = s.range_x * x + s.range_y * y + s.range_heading * p[2]
+            innovation[row, 2 * column + 1] = s.bearing_x * x + s.bearing_y * y + s.bearing_heading * p[2]
+        innovation[2 * column, 2 * column] += features[column, 2]
+        innovation[2 * column + 1, 2 * column] += features[column, 3]
+        innovation[2 * column + 1, 2 * column + 1] += features[column, 4]
+    whiten(projected, innovation, gap)
+    change = np.zeros(n)
+    for row in range(2 * k):
+        change += gap[row] * projected[row]
+    turn = np.zeros(n)
+    move(mean, n, change, invariant, turn)
+    reduce(covariance, n, projected)
+    if invariant:
+        carry(covariance, n, turn)
+
+
+@kernel
+def move(mean: FloatArray, n: int, change: FloatArray, invariant: bool, turn: FloatArray) -> None:
+    """Apply a change (n,) of pose and landmarks.
+
+    invariant: along the exponential of the group, so that a change of heading turns the map rigidly; turn (n,) receives
+    the derivative of every coordinate's displacement by the heading, for `carry`.
+    """
+    if not invariant:
+        for index in range(n):
+            mean[index] += change[index]
+        mean[2] = wrapped(mean[2])
+        return
+    angle = change[2]
+    cosine, sine = math.cos(angle), math.sin(angle)
+    if abs(angle) < 1e-6:
+        along, across = 1.0, 0.5 * angle
+    else:
+        along, across = sine / angle, (1.0 - cosine) / angle
+    at = 0
+    while at < n:
+        x, y = mean[at], mean[at + 1]
+        u, v = change[at] + y * angle, change[at + 1] - x * angle
+        mean[at] = cosine * x - sine * y + along * u - across * v
+        mean[at + 1] = sine * x + cosine * y + across * u + along * v
+        turn[at], turn[at + 1] = -(mean[at + 1] - y), mean[at] - x
+        at += 3 if at == 0 else 2
+    mean[2] = wrapped(mean[2] + angle)
+
+
+@kernel
+def reduce(covariance: FloatArray, n: int, projected: FloatArray) -> None:
+    """P - Y^T Y with Y (m, n): written once for both triangles, so symmetric to the last bit."""
+    m = projected.shape[0]
+    for row in range(n):
+        line = covariance[row, row:n]
+        for pair in range(m // 2):
+            first, second = projected[2 * pair, row], projected[2 * pair + 1, row]
+            one, other = projected[2 * pair, row:n], projected[2 * pair + 1, row:n]
+            for column in range(n - row):
+                line[column] -= first * one[column] + second * other[column]
+        line[0] = max(line[0], 0.0)
+    for row in range(n):
+        for column in range(row):
+            covariance[row, column] = covariance[column, row]
+
+
+@kernel
+def carry(covariance: FloatArray, n: int, turn: FloatArray) -> None:
+    """Carry the covariance from the estimate before an update to the one after it: P + t p^T + p t^T + p_hh t t^T.
+
+    A turn of the whole map is unobservable. Its direction in the state depends on the estimate; left where it was, the
+    filter would believe to have seen a part of it. In the invariant error nothing moves; in x, y, heading the rows follow
+    what every coordinate's displacement t makes of the heading's error (Barrau and Bonnabel 2015).
+    """
+    heading = covariance[2, :n].copy()
+    spread = heading[2]
+    for row in range(n):
+        t, p = turn[row], heading[row]
+        for column in range(row, n):
+            covariance[row, column] += t * heading[column] + (p + spread * t) * turn[column]
+    for row in range(n):
+        for column in range(row):
+            covariance[row, column] = covariance[column, row]
+
+
+@kernel
+def append(mean: FloatArray, covariance: FloatArray, n: int, mount: FloatArray, feature: FloatArray) -> None:
+    """A new landmark at places n and n + 1 from a feature (range, bearing, rr, rb, bb, ...) and the pose."""
+    cosine, sine = math.cos(mean[2]), math.sin(mean[2])
+    arm_x, arm_y = cosine * mount[0] - sine * mount[1], sine * mount[0] + cosine * mount[1]
+    direction = mean[2] + mount[2] + feature[1]
+    ahead_x, ahead_y = math.cos(direction), math.sin(direction)
+    away_x, away_y = arm_x + feature[0] * ahead_x, arm_y + feature[0] * ahead_y
+    mean[n], mean[n + 1] = mean[0] + away_x, mean[1] + away_y
+    for column in range(n):
+        covariance[n, column] = covariance[0, column] - away_y * covariance[2, column]
+        covariance[n + 1, column] = covariance[1, column] + away_x * covariance[2, column]
+        covariance[column, n] = covariance[n, column]
+        covariance[column, n + 1] = covariance[n + 1, column]
+    c, s, r = ahead_x, ahead_y, feature[0]
+    rr, rb, bb = feature[2], feature[3] * r, feature[4] * r * r
+    xx = covariance[n, 0] - away_y * covariance[n, 2]
+    xy = covariance[n, 1] + away_x * covariance[n, 2]
+    yy = covariance[n + 1, 1] + away_x * covariance[n + 1, 2]
+    covariance[n, n] = xx + c * c * rr - 2.0 * c * s * rb + s * s * bb
+    covariance[n + 1, n + 1] = yy + s * s * rr + 2.0 * c * s * rb + c * c * bb
+    covariance[n, n + 1] = xy + c * s * (rr - bb) + (c * c - s * s) * rb
+    covariance[n + 1, n] = covariance[n, n + 1]
+
+
+@kernel
+def forget(mean: FloatArray, covariance: FloatArray, n: int, at: int) -> None:
+    """Remove the landmark at `at`; the last one takes its place."""
+    last = n - 2
+    if at == last:
+        return
+    for axis in range(2):
+        mean[at + axis] = mean[last + axis]
+        covariance[at + axis, :n] = covariance[last + axis, :n]
+    for row in range(last):
+        for axis in range(2):
+            covariance[row, at + axis] = covariance[row, last + axis]
+    for row in range(2):
+        for column in range(2):
+            covariance[at + row, at + column] = covariance[last + row, last + column]
+
+
+@kernel
+def block(mean: FloatArray, covariance: FloatArray, places: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Copies of the pose and the landmarks at places (k,): mean (3 + 2 k,) and covariance."""
+    k = places.size
+    rows = np.empty(3 + 2 * k, dtype=np.int64)
+    rows[:3] = np.arange(3)
+    for index in range(k):
+        rows[3 + 2 * index], rows[4 + 2 * index] = places[index], places[index] + 1
+    part = np.empty((rows.size, rows.size))
+    for row in range(rows.size):
+        for column in range(rows.size):
+            part[row, column] = covariance[rows[row], rows[column]]
+    return mean[rows], part
