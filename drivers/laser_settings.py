@@ -28,9 +28,11 @@ class LaserSettings(BaseModel):
     echo: Literal["first", "strongest", "last"] = Field("first", description="echo kept of several; strongest needs NE")
     cluster: int = Field(1, ge=1, le=99, description="steps joined to one value, the smallest of them")
     angle_min_deg: float | None = Field(
-        None, ge=-180.0, le=180.0, description="first bearing, counter-clockwise from the front; absent: all the sensor has"
+        None, ge=-180.0, le=180.0, description="first bearing, counter-clockwise from the front; absent: all there are"
     )
-    angle_max_deg: float | None = Field(None, ge=-180.0, le=180.0, description="last bearing; absent: all the sensor has")
+    angle_max_deg: float | None = Field(
+        None, ge=-180.0, le=180.0, description="last bearing; absent: all there are"
+    )
     stamp_reference: Literal["step_zero", "behind"] = Field(
         "step_zero",
         description="what the device's stamp belongs to: its step 0 (SCIP 2.0 specification; default of every model, "
@@ -43,7 +45,7 @@ class LaserSettings(BaseModel):
         True, description="ask for the device's clock (TM) before streaming; off for firmware whose TM is broken"
     )
     time_sync_samples: int = Field(
-        25, ge=1, le=200, description="TM1 requests; the narrowest bracket of all counts, and 25 take 25 ms on a network"
+        25, ge=1, le=200, description="TM1 requests; all brackets together count, and 25 take 25 ms on a network"
     )
     drift_max_ppm: float = Field(
         200.0, ge=1.0, le=2000.0, description="ppm, bound on the drift of the device's clock; crystals are below 100"
@@ -52,16 +54,18 @@ class LaserSettings(BaseModel):
         0.35, ge=0.05, le=10.0, description="s without a scan until the state is stale; at least 3.5 periods are waited"
     )
     silence_s: float = Field(
-        0.5, ge=0.1, le=10.0, description="s without a scan until the stream is asked for again; at least 3 periods are waited"
+        0.5, ge=0.1, le=10.0, description="s without a scan until the stream is asked for again; at least 3 periods"
     )
-    reply_timeout_s: float = Field(0.7, ge=0.05, le=5.0, description="s until a command counts as not answered")
+    reply_timeout_s: float = Field(0.5, ge=0.05, le=5.0, description="s until a command counts as not answered")
     connect_timeout_s: float = Field(1.0, ge=0.1, le=10.0, description="s until a connection counts as refused")
     retry_min_s: float = Field(0.1, ge=0.01, le=10.0, description="s before the second attempt to connect; doubles")
     retry_max_s: float = Field(
-        0.8, ge=0.05, le=60.0, description="s between attempts at most; small, because a scan is due 2 s after a repair"
+        0.5, ge=0.05, le=60.0, description="s between attempts at most; small, because a scan is due 2 s after a repair"
     )
     reboot_on_fault: bool = Field(True, description="reboot the sensor (RB) when it reports a malfunction")
-    reboot_interval_s: float = Field(5.0, ge=0.0, le=3600.0, description="s between reboots at least; booting takes 2 s")
+    reboot_interval_s: float = Field(
+        5.0, ge=0.0, le=3600.0, description="s between reboots at least; booting takes 2 s"
+    )
     frozen_scans: int = Field(
         10,
         ge=0,
@@ -81,8 +85,9 @@ class LaserSettings(BaseModel):
 
     @model_validator(mode="after")
     def _are_ordered(self) -> Self:
-        if self.angle_min_deg is not None and self.angle_max_deg is not None and self.angle_min_deg >= self.angle_max_deg:
-            raise ValueError(f"angle_min_deg below angle_max_deg, not {self.angle_min_deg} and {self.angle_max_deg}")
+        low, high = self.angle_min_deg, self.angle_max_deg
+        if low is not None and high is not None and low >= high:
+            raise ValueError(f"angle_min_deg below angle_max_deg, not {low} and {high}")
         if self.retry_min_s > self.retry_max_s:
             raise ValueError(f"retry_min_s at most retry_max_s, not {self.retry_min_s} and {self.retry_max_s}")
         return self

@@ -153,6 +153,8 @@ SHORT_RANGE_CODES = {
 }
 LONG_RANGE_MM = 20000
 
+KNOWN_MODELS = ("UTM-30LX", "UTM-X001S", "UTM-X002S", "UST-", "URG-04LX", "UXM-30LX", "UBG-", "UHG-")
+
 
 def range_code_meaning(parameters: Parameters, code: int) -> NoRange:
     """What a value below DMIN or above DMAX stands for on this sensor."""

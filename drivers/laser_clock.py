@@ -1,0 +1,236 @@
+"""The laser's clock seen from the host: 24-bit counter unwrapped, offset and drift estimated, wraps told from restarts.
+
+Three sources, from rough to fine: a nominal delay between measuring and arriving; the request for the device's time
+(TM), whose answers bracket the offset; and the lower envelope of the arrival delay in the stream, whose slope is the
+drift (Moon, Skelly, Towsley 1999: linear programming over the lower convex hull). Nothing here looks at a clock.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from enum import Enum, auto
+from itertools import pairwise
+
+COUNTER_MS = 1 << 24
+NS_PER_MS = 1_000_000
+HALF_MS_NS = 500_000  # a counter of milliseconds is on average half a millisecond behind
+JUMP_MS = 1500  # more than any delay of a message that is worth having; a restart of the device jumps further
+BUCKET_NS = 2_000_000_000
+BUCKETS = 150  # five minutes: a crystal's drift changes with temperature, not faster
+ANCHOR_SPAN_NS = 120_000_000_000  # as long the offset hangs on the answers to TM
+DRIFT_PRIOR_PPM = 50.0
+DELAY_STEP_NS = 2_000_000  # no crystal moves so far between two fits; the delay of the link has changed
+
+
+class Reading(Enum):
+    """What a counter value turned out to be."""
+
+    GOOD = auto()
+    STALE = auto()
+    RESTARTED = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Envelope:
+    """Lower envelope of arrival minus device time: level_ns at device time at_ns, slope without unit."""
+
+    at_ns: int
+    level_ns: float
+    slope: float
+
+
+class CounterUnwrap:
+    """24-bit counter of milliseconds to a count that only grows."""
+
+    def __init__(self) -> None:
+        self._last: tuple[int, int] | None = None
+        self._was_query = False
+        self.total_ms = 0
+        self.wraps = 0
+
+    def take(self, counter_ms: int, arrival_ns: int, is_query: bool = False) -> Reading:
+        """Put the value that arrived at a host time into total_ms.
+
+        is_query: the clock itself, asked with TM. A scan that arrives after it may have begun before it.
+        """
+        back_ms, self._was_query = JUMP_MS if self._was_query and not is_query else 0, is_query
+        if self._last is None:
+            self._last, self.total_ms = (counter_ms, arrival_ns), counter_ms
+            return Reading.GOOD
+        last_ms, last_ns = self._last
+        elapsed_ms = (arrival_ns - last_ns) / NS_PER_MS
+        step_ms = (counter_ms - last_ms) % COUNTER_MS
+        step_ms += COUNTER_MS * round((elapsed_ms - step_ms) / COUNTER_MS)  # a long silence may hide whole wraps
+        if step_ms == 0 and not (back_ms or is_query):
+            return Reading.STALE
+        self._last = (counter_ms, arrival_ns)
+        if step_ms < -back_ms or abs(step_ms - elapsed_ms) > JUMP_MS + elapsed_ms * 1e-3:
+            self.total_ms = counter_ms
+            return Reading.RESTARTED
+        self.wraps += (last_ms + step_ms) // COUNTER_MS
+        self.total_ms += step_ms
+        return Reading.GOOD
+
+
+class LaserClock:
+    """Host time of device stamps.
+
+    delay_ns: from the stamp to the arrival of a scan's first byte at best; drift_ppm: positive where the host's clock
+    is the faster one.
+    """
+
+    def __init__(self, drift_max_ppm: float) -> None:
+        self._drift_max = drift_max_ppm * 1e-6
+        self._unwrap = CounterUnwrap()
+        self._lowest: deque[tuple[int, int]] = deque(maxlen=BUCKETS)
+        self._bucket = -1
+        self._drift = 0.0
+        self._drift_sigma = DRIFT_PRIOR_PPM * 1e-6
+        self._prior = (self._drift, self._drift_sigma)
+        self._anchor: tuple[int, float] | None = None
+        self._envelope: Envelope | None = None
+        self.delay_ns = 0.0
+        self.bracket_ns = math.inf
+        self._scatter_ns = math.inf
+
+    @property
+    def wraps(self) -> int:
+        """How often the counter went through zero by itself."""
+        return self._unwrap.wraps
+
+    @property
+    def drift_ppm(self) -> float:
+        """Estimated drift."""
+        return self._drift * 1e6
+
+    @property
+    def drift_uncertainty_ppm(self) -> float:
+        """Standard deviation of the drift, from the scatter of the envelope and the time it spans."""
+        return self._drift_sigma * 1e6
+
+    @property
+    def offset_ms(self) -> float:
+        """Host time minus device time at the newest stamp; 0 before the first."""
+        return 0.0 if self._envelope is None else (self._envelope.level_ns - self.delay_ns) / NS_PER_MS
+
+    @property
+    def offset_uncertainty_ms(self) -> float:
+        """Half of the TM bracket (without TM: of the delay that was assumed), and what the drift has added since."""
+        if self._envelope is None:
+            return math.inf
+        half_ns = self.delay_ns / 2.0 if self._anchor is None else self.bracket_ns
+        since_ns = 0 if self._anchor is None else self._envelope.at_ns - self._anchor[0]
+        return (half_ns + min(since_ns * self._drift_sigma, self._scatter_ns)) / NS_PER_MS
+
+    def synchronise(self, answers: list[tuple[int, int, int]], nominal_delay_ns: float) -> Reading:
+        """Anchor the offset on answers to TM1: (host ns before, host ns after, counter ms), oldest first.
+
+        Without answers the nominal delay from stamp to arrival is assumed. The envelope so far is kept if the
+        device has not restarted.
+        """
+        self.bracket_ns = math.inf
+        if not answers:
+            self._anchor = None
+            if self._envelope is None:
+                self.delay_ns = nominal_delay_ns
+            return Reading.GOOD
+        reading = Reading.GOOD
+        low, high, at_ns = -math.inf, math.inf, 0
+        for before_ns, after_ns, counter_ms in answers:
+            if self._unwrap.take(counter_ms, after_ns, is_query=True) is Reading.RESTARTED:
+                reading = Reading.RESTARTED
+            at_ns = self._unwrap.total_ms * NS_PER_MS
+            narrow_low, narrow_high = before_ns - at_ns - NS_PER_MS, after_ns - at_ns
+            if max(low, narrow_low) > min(high, narrow_high):  # a clock that jumps; the newest answer counts
+                low, high = narrow_low, narrow_high
+            low, high = max(low, narrow_low), min(high, narrow_high)
+        if reading is Reading.RESTARTED:
+            self._restart()
+        self._anchor = (at_ns, (low + high) / 2.0)
+        self.bracket_ns = (high - low) / 2.0
+        return reading
+
+    def observe(self, counter_ms: int, arrival_ns: int, nominal_delay_ns: float) -> Reading:
+        """Take the stamp of a scan whose first byte arrived at a host time."""
+        reading = self._unwrap.take(counter_ms, arrival_ns)
+        if reading is Reading.STALE:
+            return reading
+        if reading is Reading.RESTARTED:
+            self._restart()
+            self._anchor = None
+        if self._envelope is None and self._anchor is None and self.delay_ns == 0.0:
+            self.delay_ns = nominal_delay_ns
+        at_ns = self._unwrap.total_ms * NS_PER_MS
+        point = (at_ns, arrival_ns - at_ns)
+        bucket = at_ns // BUCKET_NS
+        if bucket != self._bucket or not self._lowest:
+            self._bucket = bucket
+            self._fit_drift(at_ns)
+            self._lowest.append(point)
+        elif point[1] < self._lowest[-1][1]:
+            self._lowest[-1] = point
+        self._fit_level(at_ns)
+        return reading
+
+    def stamp_ns(self) -> int:
+        """Host time of the stamp that was observed last."""
+        assert self._envelope is not None
+        return round(self._envelope.level_ns - self.delay_ns) + self._envelope.at_ns + HALF_MS_NS
+
+    def lateness_ns(self, arrival_ns: int) -> float:
+        """How much later than at best the newest scan arrived."""
+        assert self._envelope is not None
+        return arrival_ns - self._envelope.at_ns - self._envelope.level_ns
+
+    def _restart(self) -> None:
+        """The counter has begun anew; the crystal is the same, so the drift stays known."""
+        self._lowest.clear()
+        self._bucket = -1
+        self._envelope = None
+        self._prior = (self._drift, max(self._drift_sigma, 1e-6))
+
+    def _fit_drift(self, at_ns: int) -> None:
+        """Slope of the lower hull where the middle of the points is, weighed against what was known before."""
+        prior, prior_sigma = self._prior
+        if len(self._lowest) < 3:
+            self._drift, self._drift_sigma = prior, prior_sigma
+            return
+        points = [(x - at_ns, y - self._lowest[0][1]) for x, y in self._lowest]
+        slope = _hull_slope(points)
+        slope = max(-self._drift_max, min(self._drift_max, slope))
+        residuals = sorted(y - slope * x for x, y in points)
+        scatter_ns = residuals[len(residuals) // 2] - residuals[0] + HALF_MS_NS / 2
+        sigma = scatter_ns / (points[-1][0] - points[0][0])
+        weight = prior_sigma**2 / (prior_sigma**2 + sigma**2)
+        self._drift = prior + weight * (slope - prior)
+        self._drift_sigma = sigma * math.sqrt(weight)
+        self._scatter_ns = scatter_ns
+
+    def _fit_level(self, at_ns: int) -> None:
+        """Line of the estimated slope that touches the points from below, and what of it is delay."""
+        level_ns = min(y + self._drift * (at_ns - x) for x, y in self._lowest)
+        before, self._envelope = self._envelope, Envelope(at_ns, level_ns, self._drift)
+        if self._anchor is not None and at_ns - self._anchor[0] < ANCHOR_SPAN_NS:
+            anchor_ns, offset_ns = self._anchor
+            self.delay_ns = level_ns - (offset_ns + self._drift * (at_ns - anchor_ns))
+        elif before is not None and self._anchor is not None:
+            step_ns = level_ns - (before.level_ns + before.slope * (at_ns - before.at_ns))
+            if abs(step_ns) > DELAY_STEP_NS:
+                self.delay_ns += step_ns
+
+
+def _hull_slope(points: list[tuple[int, int]]) -> float:
+    """Slope of the edge of the lower convex hull above the mean abscissa."""
+    hull: list[tuple[int, int]] = []
+    for x, y in points:
+        while len(hull) > 1:
+            (x0, y0), (x1, y1) = hull[-2], hull[-1]
+            if (y1 - y0) * (x - x0) < (y - y0) * (x1 - x0):
+                break
+            hull.pop()
+        hull.append((x, y))
+    middle = sum(x for x, _ in points) / len(points)
+    for (x0, y0), (x1, y1) in pairwise(hull):
+        if x1 >= middle:
+            return (y1 - y0) / (x1 - x0)
+    return 0.0
