@@ -1,6 +1,7 @@
 """Commands around a live rover: run, sim, check, status, warmup."""
 
 import json
+import os
 import signal
 import sys
 import threading
@@ -36,6 +37,7 @@ def run(
     from runtime.clock import MonotonicClock
     from runtime.config import load_configuration
     from runtime.live import drive
+    from runtime.notify import ServiceManager
     from runtime.overrides import key_values
     from runtime.run_folder import RunFolder
     from runtime.summary import summary_lines
@@ -50,7 +52,8 @@ def run(
         duration = SIMULATED_DURATION_S if duration is None else duration
     stop = stop_on_signals()
     folder = RunFolder.create(out, Path(configuration.record.folder))
-    summary = drive(configuration, folder, MonotonicClock(), stop, duration, sys.stderr)
+    manager = ServiceManager(os.environ.get("NOTIFY_SOCKET", ""))
+    summary = drive(configuration, folder, MonotonicClock(), stop, duration, sys.stderr, manager)
     if as_json:
         typer.echo(json.dumps(summary))
     else:
