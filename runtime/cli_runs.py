@@ -77,9 +77,9 @@ def import_(
     as_json: AsJson = False,
 ) -> None:
     """Turn recorded data of others into a run that can be replayed and evaluated."""
-    from runtime.importers.dataset import import_dataset
+    from runtime.importers.data_set import import_data_set
 
-    result = import_dataset(source, out)
+    result = import_data_set(source, out)
     typer.echo(json.dumps(result) if as_json else "\n".join(f"{key:12s} {value}" for key, value in result.items()))
 
 
@@ -89,10 +89,10 @@ def evaluate(
     as_json: AsJson = False,
 ) -> None:
     """Compare the poses of a run with the truth that it has, and write trajectory.tum for evo."""
-    from runtime.evaluate import evaluate_run, evaluation_lines
+    from runtime import evaluate as evaluation
 
-    result = evaluate_run(run, truth)
-    typer.echo(json.dumps(result) if as_json else "\n".join(evaluation_lines(result)))
+    result = evaluation.evaluate(run, truth)
+    typer.echo(json.dumps(result) if as_json else "\n".join(evaluation.evaluation_lines(result)))
 
 
 def review(run: Run, as_json: AsJson = False) -> None:
