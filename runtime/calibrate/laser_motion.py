@@ -19,6 +19,7 @@ KEYFRAME_M, KEYFRAME_RAD = 0.5, 0.4
 LONGEST_S = 5.0  # a keyframe is taken after so long in any case while moving, so that creeping is not lost
 FEWEST_PAIRS = 4
 MOST_ASTRAY = 0.5
+MOST_STEPS = 100_000
 VELOCITY_WINDOW_S = 0.05
 
 
@@ -42,25 +43,38 @@ def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray) ->
     stamps = drive.scan_times_s()
     mount, latency = parameters[-4:-1], float(parameters[-1])
     wheels = model.track(series, parameters)
-    known = (stamps - latency > series.times_s[0]) & (stamps - latency < series.times_s[-1])
-    chosen = keyframes(wheels, stamps - latency, known)
-    times, means, covariances, failed = [], [], [], 0
-    before: Shapes | None = None
-    for index, here in enumerate(chosen):
-        found = shapes(drive.scans[here], laser_twist(wheels, stamps[here] - latency, mount))
-        if before is not None:
-            there = chosen[index - 1]
-            if not _silence(series, stamps[there] - latency, stamps[here] - latency):
-                result = match(before, found, _guess(wheels, stamps[[there, here]] - latency, mount))
-                if result.pairs >= FEWEST_PAIRS and result.astray <= MOST_ASTRAY:
-                    times.append(stamps[[there, here]])
-                    means.append(result.mean)
-                    covariances.append(_floored(result))
-                else:
-                    failed += 1
-        before = found
+    true_s = stamps - latency
+    known = (true_s > series.times_s[0]) & (true_s < series.times_s[-1])
+    seen: dict[int, Shapes] = {}
+
+    def shapes_of(number: int) -> Shapes:
+        if number not in seen:
+            seen[number] = shapes(drive.scans[number], laser_twist(wheels, float(true_s[number]), mount))
+        return seen[number]
+
+    steps: list[tuple[int, int, Match]] = []
+    failed = 0
+    chosen = keyframes(wheels, true_s, known)
+    pairs = list(zip(chosen[:-1], chosen[1:], strict=True))[::-1]
+    while pairs:
+        there, here = pairs.pop()
+        if _silence(series, true_s[there], true_s[here]):
+            continue
+        result = match(shapes_of(there), shapes_of(here), _guess(wheels, true_s[[there, here]], mount))
+        if result.pairs >= FEWEST_PAIRS and result.astray <= MOST_ASTRAY:
+            steps.append((there, here, result))
+        elif here - there > 1 and len(pairs) + len(steps) < MOST_STEPS:
+            # too far apart to see the same: two shorter steps
+            middle = (there + here) // 2
+            pairs += [(middle, here), (there, middle)]
+        else:
+            failed += 1
     return LaserMotion(
-        series, np.array(times).reshape(-1, 2), np.array(means).reshape(-1, 3), np.array(covariances).reshape(-1, 3, 3), failed
+        series,
+        stamps[np.array([(there, here) for there, here, _ in steps], dtype=np.int64).reshape(-1, 2)],
+        np.array([result.mean for _, _, result in steps]).reshape(-1, 3),
+        np.array([_floored(result) for _, _, result in steps]).reshape(-1, 3, 3),
+        failed,
     )
 
 

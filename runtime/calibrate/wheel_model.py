@@ -45,6 +45,11 @@ class WheelModel(Protocol):
     def quantisation_m2(self, parameters: FloatArray) -> float:
         """Variance of each of the errors above that does not grow."""
 
+    def without_errors(
+        self, series: WheelSeries, parameters: FloatArray, times_s: FloatArray, errors_m: FloatArray
+    ) -> WheelSeries:
+        """The samples as they would be had the errors (n, 2) not happened between times_s (n, 2)."""
+
 
 @dataclass(frozen=True, slots=True)
 class DifferentialModel:
@@ -88,6 +93,20 @@ class DifferentialModel:
         """Both ends of an increment fall somewhere within a count."""
         count_m = 2.0 * math.pi * float(parameters[:2].mean()) / self.initial.counts_per_rev
         return count_m**2 / 6.0
+
+    def without_errors(
+        self, series: WheelSeries, parameters: FloatArray, times_s: FloatArray, errors_m: FloatArray
+    ) -> WheelSeries:
+        """Each wheel's slip is taken back in proportion to the metres it rolled meanwhile."""
+        here = self.noise_weights(series, parameters, series.times_s)
+        metres_per_count = parameters[:2] * (2.0 * math.pi / self.initial.counts_per_rev)
+        values = series.values.copy()
+        for wheel in range(2):
+            begin, end = (self.noise_weights(series, parameters, times_s[:, side])[:, wheel] for side in range(2))
+            rate = errors_m[:, wheel] / np.maximum(end - begin, 1e-9)
+            slipped = _running(here[:, wheel], begin, end, rate)
+            values[:, wheel] -= slipped / metres_per_count[wheel]
+        return WheelSeries(series.times_s, values, series.broken)
 
     def _travel_m(self, series: WheelSeries, parameters: FloatArray) -> FloatArray:
         turns = (series.values - series.values[0]) * (2.0 * math.pi / self.initial.counts_per_rev)
@@ -141,6 +160,26 @@ class SteeredModel:
     def quantisation_m2(self, parameters: FloatArray) -> float:
         """None that is known."""
         return 0.0
+
+    def without_errors(
+        self, series: WheelSeries, parameters: FloatArray, times_s: FloatArray, errors_m: FloatArray
+    ) -> WheelSeries:
+        """Speed and steering are changed for as long as the step lasts."""
+        metres = np.diff(self.noise_weights(series, parameters, times_s.ravel())[:, 0].reshape(-1, 2), axis=1)[:, 0]
+        shares = errors_m / np.maximum(metres, 0.1)[:, None]
+        values = series.values.copy()
+        step = np.searchsorted(times_s[:, 0], series.times_s, side="right") - 1
+        inside = (step >= 0) & (series.times_s < times_s[np.maximum(step, 0), 1])
+        values[inside, 0] *= 1.0 - shares[step[inside], 0]
+        values[inside, 1] -= shares[step[inside], 1]
+        return WheelSeries(series.times_s, values, series.broken)
+
+
+def _running(at: FloatArray, begin: FloatArray, end: FloatArray, rate: FloatArray) -> FloatArray:
+    """Integral up to `at` of a rate that holds from each begin to its end (in order) and is zero elsewhere."""
+    knots = np.stack((begin, end), axis=-1).ravel()
+    totals = np.cumsum(np.stack((np.zeros_like(rate), rate * (end - begin)), axis=-1).ravel())
+    return np.interp(at, knots, totals)
 
 
 def _mount(mount: Pose2) -> tuple[float, float, float]:
