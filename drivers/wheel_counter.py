@@ -19,18 +19,19 @@ SPEED_STEPS = 3  # the last speed says nothing of more frames than this
 RESIDUAL_KEPT = 0.96  # per frame: half a second at 50 Hz
 CONFIRMATIONS = 2  # frames of the second track, the first one included, before the total follows it
 STALE_CONFIRMATIONS = 5  # the same where they bear the boot id of before: late frames come at most 3 late
-SENDERS_SURE = 2  # interleaved frames of a second track
+SENDERS_SURE = 4  # interleaved frames of a second track: late frames before a restart are at most 3
 SENDERS_FORGOTTEN = 15  # frames of the first track alone, after which there is one sender again
 SILENT_PERIODS = 10.0  # after so long a node may have been off, whether or not it says so
 
 
 @dataclass(slots=True)
 class Track:
-    """Last frame of one sequence of frames that belong together."""
+    """Last frame of one sequence of frames that belong together. gained: counts since its first frame."""
 
     stamp_ns: int
     reading: WheelReading
     confirmed: int = 1
+    gained: float = 0.0
 
 
 class WheelCounter:
@@ -63,6 +64,7 @@ class WheelCounter:
         self._alone = 0
         self._residual = 0.0
         self._expected: float | None = 0.0
+        self._missing = 0
         self._seen: Track | None = None
 
     def restart(self) -> None:
@@ -121,7 +123,8 @@ class WheelCounter:
             return True
         if reading.boot_id is not None or elapsed_ns < SILENT_PERIODS * self._period_ns:
             return False
-        restarted = abs(self._signed(reading)) <= farthest + SLACK_COUNTS < abs(self._signed(track.reading))
+        position = abs(self._signed(reading))
+        restarted = position <= farthest + SLACK_COUNTS and position < abs(self._signed(track.reading))
         if restarted:
             self.counters["power_cycle"] += 1
         return restarted
@@ -148,7 +151,8 @@ class WheelCounter:
         """True where counts and speed signal have drifted apart, over half a second."""
         if not self._tolerance or self._expected is None:
             return False
-        return abs(RESIDUAL_KEPT * self._residual + delta - self._expected) > self._tolerance + SLACK_COUNTS
+        allowed = self._tolerance * (1 + self._missing) + SLACK_COUNTS
+        return abs(RESIDUAL_KEPT * self._residual + delta - self._expected) > allowed
 
     def _follow_speed(self, stamp_ns: int, reading: WheelReading) -> None:
         """Add up what the speed signal says since the last accepted frame; None: it cannot say."""
@@ -163,6 +167,7 @@ class WheelCounter:
             return
         period_s = self._period_ns * 1e-9
         between = 0.5 * (seen.reading.speed + reading.speed)
+        self._missing += steps - 1
         self._expected += (reading.speed + (steps - 1) * between) * period_s
 
     def _begin(self, track: Track) -> None:
@@ -171,7 +176,7 @@ class WheelCounter:
             self.epoch += 1
             self.counters["gap"] += 1
         self._track, self._other, self._seen = track, None, track
-        self._residual, self._expected = 0.0, 0.0
+        self._residual, self._expected, self._missing = 0.0, 0.0, 0
         self._interleaved = self._alone = 0
         self._alive.restart()
         self._alive.accept(track.reading.alive, track.reading.position, 1, 1.0)
@@ -184,9 +189,9 @@ class WheelCounter:
         self.counters["lost"] += self._alive.accept(
             reading.alive, reading.position, steps, elapsed_ns / self._period_ns
         )
-        if self._expected is not None:
+        if self._expected is not None and not self._missing:
             self._residual = RESIDUAL_KEPT * self._residual + delta - self._expected
-        self._expected = 0.0
+        self._expected, self._missing = 0.0, 0
         self.frozen.drain()
         self.total += self._sign * delta
         self.speed_mps = self._sign * delta / self._counts_per_metre / max(elapsed_ns, self._period_ns) * 1e9
@@ -210,43 +215,51 @@ class WheelCounter:
         """Judge a frame that does not fit the first track; None where the total follows it from now on."""
         other = self._other
         self._alone = 0
-        if other is None or not self._continues(other, stamp_ns, reading):
+        if other is None or reading.boot_id != other.reading.boot_id:
+            self._other = Track(stamp_ns, reading)
+            return reason
+        steps, disorder = self._steps(other, stamp_ns, reading)
+        if disorder is not None:
+            return reason  # late or twice, as on the first track
+        delta = self._delta(other.reading, reading)
+        if not self._continues(other, stamp_ns, reading, delta, steps):
             self._other = Track(stamp_ns, reading)
             return reason
         if other.confirmed == 0:
             self._interleaved += 1
             self.two_senders |= self._interleaved >= SENDERS_SURE
-        confirmed = other.confirmed + 1
-        if confirmed < self._confirmations(reading):
-            self._other = Track(stamp_ns, reading, confirmed)
+        self._other = Track(stamp_ns, reading, other.confirmed + 1, other.gained + delta)
+        if self._other.confirmed < self._confirmations(reading):
             return "two_senders" if self.two_senders else reason
+        self._follow(self._other)
+        return None
+
+    def _follow(self, other: Track) -> None:
+        """The second track becomes the first; what it gained counts, unless it was another wheel's."""
         track = self._track
         assert track is not None
-        if reading.boot_id != track.reading.boot_id:
+        if other.reading.boot_id != track.reading.boot_id:
             self._stale_boot = track.reading.boot_id
             self.counters["power_cycle"] += 1
+        if not self.two_senders:
+            self.total += self._sign * other.gained
         self.two_senders = False
         self._begin(other)
-        self._expected = None  # nothing was added up along this track
-        steps, _ = self._steps(other, stamp_ns, reading)
-        self._accept(stamp_ns, reading, self._delta(other.reading, reading), steps)
-        return None
 
     def _confirmations(self, reading: WheelReading) -> int:
         """Frames that a second track needs, itself included, while the first is silent."""
-        if self._interleaved:
+        if self.two_senders:
             return SENDERS_FORGOTTEN
         late = reading.boot_id is not None and reading.boot_id == self._stale_boot
-        return STALE_CONFIRMATIONS if late else CONFIRMATIONS
+        return STALE_CONFIRMATIONS if late or self._interleaved else CONFIRMATIONS
 
-    def _continues(self, other: Track, stamp_ns: int, reading: WheelReading) -> bool:
+    def _continues(
+        self, other: Track, stamp_ns: int, reading: WheelReading, delta: float, steps: int
+    ) -> bool:
         """True where the frame follows the second track as it would have to follow the first."""
-        if reading.boot_id != other.reading.boot_id:
-            return False
-        steps, reason = self._steps(other, stamp_ns, reading)
-        delta = self._delta(other.reading, reading)
-        if reason is not None or not self._possible(delta, stamp_ns - other.stamp_ns, steps):
+        if not self._possible(delta, stamp_ns - other.stamp_ns, steps):
             return False
         if not self._tolerance or reading.speed is None or steps > SPEED_STEPS:
             return True
-        return abs(delta - reading.speed * steps * self._period_ns * 1e-9) <= self._tolerance + SLACK_COUNTS
+        expected = reading.speed * steps * self._period_ns * 1e-9
+        return abs(delta - expected) <= self._tolerance * steps + SLACK_COUNTS

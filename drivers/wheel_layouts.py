@@ -44,17 +44,15 @@ def dbc_messages(path: Path) -> dict[str, Message]:
     """Messages of a DBC; refuses duplicate ids (of which cantools keeps the last) and overlapping signals."""
     try:
         text = path.read_text(encoding="cp1252")  # as cantools reads it
-        _refuse_twice(str(path), [(int(number), name) for number, name in BO_LINE.findall(text)])
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not text"
+        raise DriverError(f"{path}: cannot be read ({reason}); give the path of a DBC in layout.file") from error
+    _refuse_twice(str(path), [(int(number), name) for number, name in BO_LINE.findall(text)])
+    try:
         database = Database(strict=True)
         database.add_dbc_string(text)
-    except OSError as error:
-        raise DriverError(
-            f"{path}: cannot be read ({error.strerror}); give the path of a DBC in layout.file"
-        ) from error
-    except (cantools.Error, ValueError, KeyError) as error:
-        raise DriverError(
-            f"{path}: not a DBC that can be used ({error}); mend the file or name another"
-        ) from error
+    except Exception as error:  # cantools lets those of its parser through, which has a family of its own
+        raise DriverError(f"{path}: not a DBC that can be used ({error}); mend the file or name another") from error
     return {message.name: message for message in database.messages}
 
 
