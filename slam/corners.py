@@ -150,6 +150,7 @@ def _corners(
     spacing_rad: float,
     guard: int,
     prominence_m: float,
+    face_m: float,
     split_m: float,
     rms_m: float,
     least_beams: int,
@@ -166,7 +167,8 @@ def _corners(
     line, before = np.empty(6), np.empty(6)
     for run in range(runs.shape[0]):
         first, last = runs[run, 0], runs[run, 1]
-        if last - first + 1 < least_beams:
+        across_x, across_y = points_m[last, 0] - points_m[first, 0], points_m[last, 1] - points_m[first, 1]
+        if last - first + 1 < least_beams or across_x * across_x + across_y * across_y < face_m * face_m:
             continue
         pieces = _split(points_m, first, last, split_m, ends, stack)
         before_points = 0
@@ -234,6 +236,7 @@ def corners(beams: Beams, runs: IntArray, settings: FrontEndSettings) -> FloatAr
         beams.spacing_rad,
         settings.guard_beams,
         settings.prominence_m,
+        settings.width_max_m,
         settings.line_split_m,
         settings.line_rms_m + settings.sigma_range_m,
         settings.line_beams,

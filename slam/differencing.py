@@ -21,6 +21,7 @@ from slam.sweep import Beams
 FloatArray = NDArray[np.float64]
 VerdictArray = NDArray[np.uint8]
 CountArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 NANOSECOND_S = 1e-9
 WINDOW_RAD = 0.3
 PROBES = 4
@@ -58,6 +59,16 @@ class Vote:
     looked: CountArray
     voters: int
 
+    def licences(self, extents: CountArray, settings: FrontEndSettings) -> BoolArray:
+        """(k,) True where the feature, and half of the returns from its first to its last beam (k, 2), were found
+        again by enough voters."""
+        licensed = np.empty(len(extents), dtype=np.bool_)
+        least = min(settings.least_support, self.voters)
+        _license(
+            self.verdicts, self.found_again, self.looked, extents, least, settings.support_share, licensed
+        )
+        return licensed
+
 
 class CompensatedVote:
     """Remembers the scans of about the last second and lets those that are old enough vote on a new one."""
@@ -83,7 +94,7 @@ class CompensatedVote:
                 beams.points_m,
                 past.beams.points_m,
                 past.beams.ranges_m,
-                past.beams.directions_rad,
+                past.beams.rays,
                 past_from_now.as_array(),
                 settings.tolerance_m,
                 settings.tolerance_rad + 0.5 * past.beams.spacing_rad,
@@ -99,10 +110,8 @@ class CompensatedVote:
                 found_again,
             )
         least = min(settings.least_support, len(voters))
-        kept = (found >= settings.support_share * looked) & (found >= least)
-        verdicts = np.where(kept, BeamVerdict.KEPT, BeamVerdict.MOVED).astype(np.uint8)
-        verdicts[(looked < least) | (looked == 0)] = BeamVerdict.NOT_COMPARED
-        verdicts[np.isnan(beams.ranges_m)] = BeamVerdict.NO_RETURN
+        verdicts = np.empty(len(beams), dtype=np.uint8)
+        _judge(beams.ranges_m, found, looked, max(least, 1), settings.support_share, verdicts)
         self._remember(placed)
         return Vote(verdicts, found_again, looked, len(voters))
 
@@ -112,8 +121,8 @@ class CompensatedVote:
         old_enough = [past for age, past in ages if low <= age <= high]
         if len(old_enough) <= self._settings.votes:
             return old_enough
-        chosen = np.linspace(0, len(old_enough) - 1, self._settings.votes).round().astype(np.int64)
-        return [old_enough[i] for i in chosen]
+        step = len(old_enough) / self._settings.votes
+        return [old_enough[int((number + 0.5) * step)] for number in range(self._settings.votes)]
 
     def _remember(self, placed: PlacedScan) -> None:
         stamp_ns = placed.beams.stamp_ns
@@ -127,12 +136,61 @@ class CompensatedVote:
         self._past.append(placed)
 
 
+KEPT, NO_RETURN = int(BeamVerdict.KEPT), int(BeamVerdict.NO_RETURN)
+MOVED, NOT_COMPARED = int(BeamVerdict.MOVED), int(BeamVerdict.NOT_COMPARED)
+
+
+@kernel
+def _judge(
+    ranges_m: FloatArray, found: CountArray, looked: CountArray, least: int, share: float, verdicts: VerdictArray
+) -> None:
+    for beam in range(ranges_m.shape[0]):
+        if math.isnan(ranges_m[beam]):
+            verdicts[beam] = NO_RETURN
+        elif looked[beam] < least:
+            verdicts[beam] = NOT_COMPARED
+        elif found[beam] >= least and found[beam] >= share * looked[beam]:
+            verdicts[beam] = KEPT
+        else:
+            verdicts[beam] = MOVED
+
+
+@kernel
+def _license(
+    verdicts: VerdictArray,
+    found_again: CountArray,
+    looked: CountArray,
+    extents: CountArray,
+    least: int,
+    share: float,
+    licensed: BoolArray,
+) -> None:
+    for feature in range(extents.shape[0]):
+        first, last = extents[feature, 0], extents[feature, 1]
+        kept, returned = 0, 0
+        for beam in range(first, last + 1):
+            kept += verdicts[beam] == KEPT
+            returned += verdicts[beam] != NO_RETURN
+        enough = max(float(least), share * max(looked[first], looked[last]))
+        licensed[feature] = kept > 0 and 2 * kept >= returned and found_again[feature] >= enough
+
+
+@kernel
+def _beam_toward(rays: FloatArray, x: float, y: float) -> int:
+    best, at = -np.inf, 0
+    for beam in range(rays.shape[0]):
+        along = rays[beam, 0] * x + rays[beam, 1] * y
+        if along > best:
+            best, at = along, beam
+    return at
+
+
 @kernel
 def _look_back(
     points_m: FloatArray,
     past_points_m: FloatArray,
     past_ranges_m: FloatArray,
-    past_directions_rad: FloatArray,
+    past_rays: FloatArray,
     past_from_now: FloatArray,
     tolerance_m: float,
     tolerance_rad: float,
@@ -143,23 +201,29 @@ def _look_back(
     """Count for every point (n, 2) whether one past scan looked at its place and whether it found it."""
     cosine, sine = math.cos(past_from_now[2]), math.sin(past_from_now[2])
     last = past_ranges_m.shape[0] - 1
-    first_rad, last_rad = past_directions_rad[0], past_directions_rad[last]
+    half_beam = 0.5 * spacing_rad
+    nearest = -1
     for beam in range(points_m.shape[0]):
         x_now, y_now = points_m[beam, 0], points_m[beam, 1]
         if math.isnan(x_now):
             continue
         x = past_from_now[0] + cosine * x_now - sine * y_now
         y = past_from_now[1] + sine * x_now + cosine * y_now
-        bearing = math.atan2(y, x)
-        if bearing < first_rad or bearing > last_rad:
-            continue
         distance = math.sqrt(x * x + y * y)
-        tolerance = tolerance_m + tolerance_rad * distance
-        nearest = min(last, int((bearing - first_rad) / spacing_rad + 0.5))
-        while nearest > 0 and past_directions_rad[nearest] - bearing > 0.5 * spacing_rad:
-            nearest -= 1
-        while nearest < last and bearing - past_directions_rad[nearest] > 0.5 * spacing_rad:
+        if nearest < 0:
+            nearest = _beam_toward(past_rays, x, y)
+        # From the beam nearest to the point before, turn until the next beam is not nearer: no arc tangent.
+        off = distance * half_beam
+        aside = past_rays[nearest, 0] * y - past_rays[nearest, 1] * x
+        while aside > off and nearest < last:
             nearest += 1
+            aside = past_rays[nearest, 0] * y - past_rays[nearest, 1] * x
+        while aside < -off and nearest > 0:
+            nearest -= 1
+            aside = past_rays[nearest, 0] * y - past_rays[nearest, 1] * x
+        if aside > 2.0 * off or aside < -2.0 * off:
+            continue
+        tolerance = tolerance_m + tolerance_rad * distance
         reach = 1 + int(min(tolerance / max(distance, 1e-3), WINDOW_RAD) / spacing_rad)
         stride = max(1, reach // PROBES)  # close by, beams are far denser than the tolerance
         here = False

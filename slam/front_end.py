@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from drivers.measurements import Scan, ScanLike, Sightings
 from slam.corners import corners
-from slam.differencing import CompensatedVote, PlacedScan, Vote, equal_angle_difference
+from slam.differencing import CompensatedVote, PlacedScan, equal_angle_difference
 from slam.features import range_extrema, spaced
 from slam.front_end_settings import FrontEndSettings
 from slam.observations import BeamVerdict, Features
@@ -17,7 +17,6 @@ from slam.sweep import Beams, Twist, deskew
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 VerdictArray = NDArray[np.uint8]
 
 
@@ -141,7 +140,7 @@ class RobustFrontEnd:
             vote = self._vote.ask(PlacedScan(beams, points, odom_from_body @ self._body_from_laser))
             verdicts = vote.verdicts
             if vote.voters and not at_rest:
-                licensed = _licensed(vote, extents, settings)
+                licensed = vote.licences(extents, settings)
         covariances = np.empty((count, 2, 2))
         covariances[:, 0, 0], covariances[:, 1, 1] = rows[:, 2], rows[:, 4]
         covariances[:, 0, 1] = covariances[:, 1, 0] = rows[:, 3]
@@ -167,7 +166,9 @@ class RobustFrontEnd:
         rows = np.column_stack((narrow[:, :2], variances[:, 0], np.zeros(len(narrow)), variances[:, 1]))
         extents = narrow[:, 4:6]
         if settings.wall_corners:
-            walls = corners(beams, runs, settings)
+            is_trunk = np.zeros(len(runs), dtype=np.bool_)
+            is_trunk[np.searchsorted(runs[:, 0], narrow[:, 4], side="right") - 1] = True
+            walls = corners(beams, runs[~is_trunk], settings)
             floor = (settings.sigma_range_floor_m**2, 0.0, settings.sigma_bearing_floor_rad**2)
             walls[:, 2:5] += floor
             rows, extents = np.vstack((rows, walls[:, :5])), np.vstack((extents, walls[:, 5:7]))
@@ -199,15 +200,3 @@ def _beams_between(beams: Beams, extents: IntArray) -> IntArray:
     middle = extents.sum(axis=1) // 2
     chosen: IntArray = np.where(np.isnan(beams.ranges_m[middle]), extents[:, 0], middle)
     return chosen
-
-
-def _licensed(vote: Vote, extents: IntArray, settings: FrontEndSettings) -> BoolArray:
-    """(k,) True where the feature, and at least half of the returns between its beams (k, 2), were found again."""
-    kept = np.concatenate(([0], np.cumsum(vote.verdicts == BeamVerdict.KEPT)))
-    returned = np.concatenate(([0], np.cumsum(vote.verdicts != BeamVerdict.NO_RETURN)))
-    first, after = extents[:, 0], extents[:, 1] + 1
-    beams_agree = 2 * (kept[after] - kept[first]) >= np.maximum(returned[after] - returned[first], 1)
-    looked = np.maximum(vote.looked[extents[:, 0]], vote.looked[extents[:, 1]])
-    least = np.maximum(settings.support_share * looked, min(settings.least_support, vote.voters))
-    licensed: BoolArray = beams_agree & (vote.found_again >= least)
-    return licensed

@@ -114,11 +114,11 @@ class FrontEndSettings(BaseModel):
         default=0.6, gt=0.0, le=10.0,
         description="the same for segments of one or two beams, m: noise has such dips too",
     )
-    roughness_m: float = Field(
-        default=0.05,
+    roughness: float = Field(
+        default=0.15,
         gt=0.0,
-        le=1.0,
-        description="RMS distance of a segment from a round trunk, m, beyond which it is taken for a bush",
+        le=2.0,
+        description="RMS distance from a round trunk, in radii, beyond which a segment is none; a flat board has 0.22",
     )
 
     wall_corners: bool = Field(
@@ -131,8 +131,8 @@ class FrontEndSettings(BaseModel):
         default=0.03, gt=0.0, le=1.0,
         description="RMS distance from a line, m, beyond which it is taken for a hedge",
     )
-    line_beams: int = Field(default=8, ge=3, le=200, description="least number of beams on a wall")
-    line_m: float = Field(default=0.5, gt=0.0, le=10.0, description="least length of a wall, m")
+    line_beams: int = Field(default=4, ge=3, le=200, description="least number of beams on a wall")
+    line_m: float = Field(default=0.2, gt=0.0, le=10.0, description="least length of a wall, m")
     corner_rad: float = Field(
         default=0.7, gt=0.1, le=1.57, description="least turn of a wall at a corner, rad"
     )

@@ -70,7 +70,7 @@ def _trunks(
     prominence_m: float,
     thin_prominence_m: float,
     guard: int,
-    roughness_m: float,
+    roughness: float,
     trunks: FloatArray,
 ) -> int:
     count = 0
@@ -118,7 +118,7 @@ def _trunks(
                 depth = math.sqrt(max(radius * radius - across * across, 0.0))
                 off = ranges_m[beam] - distance * math.cos(bearings_rad[beam] - bearing) + depth
                 rough += off * off
-        if hits >= 4 and math.sqrt(rough / hits) > roughness_m + sigma_m:
+        if hits >= 4 and math.sqrt(rough / hits) > roughness * radius + sigma_m:
             continue
         trunks[count, 0], trunks[count, 1], trunks[count, 2] = distance, bearing, radius
         trunks[count, 3], trunks[count, 4], trunks[count, 5] = hits, first, last
@@ -142,7 +142,7 @@ def trunks(beams: Beams, runs: IntArray, settings: FrontEndSettings) -> FloatArr
         settings.prominence_m,
         settings.thin_prominence_m,
         settings.guard_beams,
-        settings.roughness_m,
+        settings.roughness,
         found,
     )
     return found[:count]

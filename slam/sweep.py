@@ -27,7 +27,7 @@ class Beams:
     """What the beams of one scan hit, in the laser's frame at the scan's stamp.
 
     ranges_m, bearings_rad (n,) and points_m (n, 2): NaN where nothing usable came back.
-    directions_rad (n,): where every beam pointed, empty ones as well; increasing.
+    rays (n, 2): unit vectors to where every beam pointed, empty ones as well; counter-clockwise.
     spacing_rad: angle from one beam to the next.
     """
 
@@ -35,7 +35,7 @@ class Beams:
     ranges_m: FloatArray
     bearings_rad: FloatArray
     points_m: FloatArray
-    directions_rad: FloatArray
+    rays: FloatArray
     spacing_rad: float
 
     def __len__(self) -> int:
@@ -59,7 +59,7 @@ def deskew(scan: Scan, twist: Twist, body_from_laser: Pose2, range_min_m: float,
     ranges = np.empty(count)
     bearings = np.empty(count)
     points = np.empty((count, 2))
-    turned = np.empty(count)
+    rays = np.empty((count, 2))
     _deskew(
         scan.ranges_m.astype(np.float64),
         directions,
@@ -72,9 +72,9 @@ def deskew(scan: Scan, twist: Twist, body_from_laser: Pose2, range_min_m: float,
         ranges,
         bearings,
         points,
-        turned,
+        rays,
     )
-    return Beams(scan.stamp_ns, ranges, bearings, points, turned, float(spacing))
+    return Beams(scan.stamp_ns, ranges, bearings, points, rays, float(spacing))
 
 
 @kernel
@@ -90,20 +90,21 @@ def _deskew(
     ranges_m: FloatArray,
     bearings_rad: FloatArray,
     points_m: FloatArray,
-    turned_rad: FloatArray,
+    rays: FloatArray,
 ) -> None:
     mount_cosine, mount_sine = math.cos(mount[2]), math.sin(mount[2])
     moving = beam_period_s != 0.0 and (twist[0] != 0.0 or twist[1] != 0.0 or twist[2] != 0.0)
     for beam in range(measured_m.shape[0]):
         delay = (beam - stamp_beam) * beam_period_s
         turn = twist[2] * delay
-        turned_rad[beam] = directions_rad[beam] + turn
+        ray_x, ray_y = math.cos(directions_rad[beam]), math.sin(directions_rad[beam])
+        cosine, sine = math.cos(turn), math.sin(turn)
+        rays[beam, 0], rays[beam, 1] = cosine * ray_x - sine * ray_y, sine * ray_x + cosine * ray_y
         measured = measured_m[beam]
         if not (range_min_m <= measured < range_max_m):
             ranges_m[beam] = bearings_rad[beam] = points_m[beam, 0] = points_m[beam, 1] = np.nan
             continue
-        x = measured * math.cos(directions_rad[beam])
-        y = measured * math.sin(directions_rad[beam])
+        x, y = measured * ray_x, measured * ray_y
         if not moving:
             ranges_m[beam], bearings_rad[beam] = measured, directions_rad[beam]
             points_m[beam, 0], points_m[beam, 1] = x, y
@@ -116,7 +117,6 @@ def _deskew(
         moved_y = chord * (half_sine * twist[0] + half_cosine * twist[1])
         body_x = mount[0] + mount_cosine * x - mount_sine * y
         body_y = mount[1] + mount_sine * x + mount_cosine * y
-        cosine, sine = math.cos(turn), math.sin(turn)
         lever_x = moved_x + cosine * body_x - sine * body_y - mount[0]
         lever_y = moved_y + sine * body_x + cosine * body_y - mount[1]
         x = mount_cosine * lever_x + mount_sine * lever_y
