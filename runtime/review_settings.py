@@ -10,6 +10,7 @@ class ReviewSettings(BaseModel):
 
     live: bool = Field(True, description="draw while driving, in another process; infant review can do it later")
     scan_every: int = Field(1, ge=1, le=100, description="laser points of every n-th tick: most of the file")
+    trace_every: int = Field(10, ge=1, le=1000, description="ticks between the scans that stay and add up to a map")
     particles_every: int = Field(1, ge=1, le=100, description="particles of every n-th tick")
     batch_ticks: int = Field(10, ge=1, le=1000, description="ticks per write: 1 s, which a power cut loses")
     queue: int = Field(

@@ -1,6 +1,8 @@
+# mypy: disable-error-code="valid-type, type-arg"
 """The published messages as pycdr2 knows them: a second reader, written against the definitions of ROS 2."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from pycdr2 import IdlStruct
 from pycdr2.types import array, float32, float64, int32, sequence, uint32
@@ -136,3 +138,8 @@ class FirstMarker(IdlStruct, typename="FirstMarker"):
 
     count: uint32
     marker: Marker
+
+
+def read(kind: type[IdlStruct], data: bytes) -> Any:
+    """A message of this kind; Any, because mypy does not know pycdr2's arrays."""
+    return kind.deserialize(data)

@@ -21,8 +21,17 @@ from runtime.tick import SinkHealth
 from runtime.zenoh_session import next_port, tool_config
 from slam.estimate import Quality
 from tests.runtime.recorded_values import make_estimate, make_tick, make_timing
-from tests.runtime.ros_types import FirstMarker, LaserScan, Odometry, PoseWithCovarianceStamped, TransformMessage
-from tests.runtime.zenoh_wire import ROOT, WALL_OFFSET_NS, free_port, listening, publishing, put_ticks, settings_on, until
+from tests.runtime.ros_types import FirstMarker, LaserScan, Odometry, PoseWithCovarianceStamped, TransformMessage, read
+from tests.runtime.zenoh_wire import (
+    ROOT,
+    WALL_OFFSET_NS,
+    free_port,
+    listening,
+    publishing,
+    put_ticks,
+    settings_on,
+    until,
+)
 
 TICK_NS = 100_000_000
 
@@ -54,7 +63,7 @@ def test_a_reader_nobody_here_wrote_reads_every_message() -> None:
             publisher.put(tick, estimate, make_timing(7), bytes(16), None)
             if until(lambda: len({message["key"] for message in listener.messages}) >= 4, 0.05):
                 break
-    pose = PoseWithCovarianceStamped.deserialize(listener.payloads("infant/r1/pose")[0])
+    pose = read(PoseWithCovarianceStamped, listener.payloads("infant/r1/pose")[0])
     assert (pose.pose.pose.position.x, pose.pose.pose.position.y) == (
         estimate.map_from_body.x_m,
         estimate.map_from_body.y_m,
@@ -62,7 +71,7 @@ def test_a_reader_nobody_here_wrote_reads_every_message() -> None:
     assert pose.header.frame_id == "map"
     assert pose.header.stamp.sec * 10**9 + pose.header.stamp.nanosec == stamp_of(7)
     assert pose.pose.covariance[35] == estimate.covariance[2, 2]
-    odometry = Odometry.deserialize(listener.payloads("infant/r1/odom")[0])
+    odometry = read(Odometry, listener.payloads("infant/r1/odom")[0])
     assert odometry.pose.pose.position.x == estimate.odom_from_body.x_m
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
 
@@ -74,12 +83,12 @@ def test_scan_and_landmarks_are_thinned_and_keep_their_geometry() -> None:
     scan, landmarks = make_tick(7, rng).scan, make_estimate(0, rng).landmarks
     assert scan is not None
     assert landmarks is not None
-    read = LaserScan.deserialize(scan_bytes(scan, 5, 3))  # type: ignore[arg-type]
-    assert len(read.ranges) == 361
-    bearings_rad = read.angle_min + read.angle_increment * np.arange(361)
+    thin = read(LaserScan, scan_bytes(scan, 5, 3))  # type: ignore[arg-type]
+    assert len(thin.ranges) == 361
+    bearings_rad = thin.angle_min + thin.angle_increment * np.arange(361)
     np.testing.assert_allclose(bearings_rad, scan.bearings_rad[::3], atol=1e-5)
-    np.testing.assert_array_equal(np.array(read.ranges, np.float32), scan.ranges_m[::3])
-    array = FirstMarker.deserialize(landmark_bytes(landmarks, 5))
+    np.testing.assert_array_equal(np.array(thin.ranges, np.float32), scan.ranges_m[::3])
+    array = read(FirstMarker, landmark_bytes(landmarks, 5))
     assert array.count == 1
     assert [(point.x, point.y) for point in array.marker.points] == [tuple(mean) for mean in landmarks.means_m]
 
@@ -110,7 +119,7 @@ def test_ros2_sees_pose_odometry_and_tf_under_the_right_type_hash() -> None:
     )
     assert pose_key in keys
     assert len(bytes.fromhex(keys[pose_key]["attachment"])) == 33
-    transforms = TransformMessage.deserialize(bytes.fromhex(keys[tf_key]["payload"])).transforms
+    transforms = read(TransformMessage, bytes.fromhex(keys[tf_key]["payload"])).transforms
     assert [(each.header.frame_id, each.child_frame_id) for each in transforms] == [
         ("map", "odom"),
         ("odom", "base_link"),
@@ -124,7 +133,7 @@ def test_map_to_odom_times_odom_to_body_is_the_pose() -> None:
 
     estimate = make_estimate(0, np.random.default_rng(8))
     poses = []
-    for each in TransformMessage.deserialize(transform_bytes(estimate, 0)).transforms:
+    for each in read(TransformMessage, transform_bytes(estimate, 0)).transforms:
         heading_rad = 2.0 * np.arctan2(each.rotation.z, each.rotation.w)
         poses.append(Pose2(each.translation.x, each.translation.y, heading_rad))
     np.testing.assert_allclose((poses[0] @ poses[1]).as_array(), estimate.map_from_body.as_array(), atol=1e-12)
@@ -152,7 +161,7 @@ def test_queries_answer_with_the_last_pose_map_status_and_configuration() -> Non
     assert json.loads(answers["infant/r1/map"])["identities"] == [4096, 8193]
     status = json.loads(answers["infant/r1/status"])
     assert (status["state"], status["reasons"]) == ("degraded", ["laser stale"])
-    assert PoseWithCovarianceStamped.deserialize(answers["infant/r1/pose"]).header.frame_id == "map"
+    assert read(PoseWithCovarianceStamped, answers["infant/r1/pose"]).header.frame_id == "map"
 
 
 def test_a_taken_port_moves_the_second_rover_to_the_next() -> None:
@@ -175,36 +184,23 @@ def test_put_costs_the_loop_microseconds_while_a_subscriber_listens() -> None:
 
 def test_a_stalled_subscriber_blocks_neither_put_nor_close() -> None:
     port = free_port()
-    with listening_to_rover(port) as (publisher, process):
-        os.kill(process.pid, signal.SIGSTOP)
+    with publishing(settings_on(port)) as publisher, listening(f"tcp/127.0.0.1:{port}", "infant/**") as listener:
+        assert until(lambda: bool(put_ticks(publisher, range(1), 0.0)) and len(listener.messages) > 0)
+        os.kill(listener.process.pid, signal.SIGSTOP)
         costs_s = put_ticks(publisher, range(400), 0.002)
         assert np.percentile(costs_s, 99) < 1e-3
         began_s = time.monotonic()
         publisher.close()
         assert time.monotonic() - began_s < 4.0
-        os.kill(process.pid, signal.SIGCONT)
-
-
-def listening_to_rover(port: int):  # type: ignore[no-untyped-def]
-    from contextlib import contextmanager
-
-    @contextmanager
-    def both():  # type: ignore[no-untyped-def]
-        with publishing(settings_on(port)) as publisher:
-            with listening(f"tcp/127.0.0.1:{port}", "infant/**") as listener:
-                assert until(lambda: bool(put_ticks(publisher, range(1), 0.0)) and len(listener.messages) > 0)
-                yield publisher, listener.process
-
-    return both()
 
 
 def test_a_full_queue_loses_the_oldest_tick_and_counts_it() -> None:
     settings = settings_on(free_port(), queue=5, connect=("tls/127.0.0.1:1",), config_file=None)
     publisher = ZenohPublisher(settings.model_copy(update={"enabled": False}), "r1")
-    publisher._settings = settings  # noqa: SLF001 - the thread never starts, as if the network hung for ever
+    publisher._settings = settings  # the thread never starts, as if the network hung for ever
     put_ticks(publisher, range(12), 0.0)
     assert (publisher.health().depth, publisher.health().dropped) == (5, 7)
-    first = publisher._queue.get_nowait()  # noqa: SLF001
+    first = publisher._queue.get_nowait()
     assert first is not None
     assert first.tick.seq == 7
 

@@ -12,11 +12,16 @@ import zenoh
 from runtime.zenoh_session import tool_config
 
 
+def say(line: str) -> None:
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
+
+
 def listen(endpoint: str, key: str, seconds: float) -> None:
     with zenoh.open(tool_config([endpoint])) as session:
         subscriber = session.declare_subscriber(key, zenoh.handlers.FifoChannel(1000))
         deadline_s = time.monotonic() + seconds
-        print("ready", flush=True)
+        say("ready")
         while time.monotonic() < deadline_s:
             sample = subscriber.try_recv()
             if sample is None:
@@ -29,7 +34,7 @@ def listen(endpoint: str, key: str, seconds: float) -> None:
                 "attachment": sample.attachment.to_bytes().hex() if sample.attachment else "",
                 "arrived_ns": time.monotonic_ns(),
             }
-            print(json.dumps(message), flush=True)
+            say(json.dumps(message))
 
 
 if __name__ == "__main__":

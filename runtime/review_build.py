@@ -1,0 +1,40 @@
+"""Makes the picture of a run again from its record."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from runtime.config import load_configuration_text
+from runtime.review import ReviewWriter
+from runtime.review_moments import TOPICS
+from runtime.review_settings import ReviewSettings
+from runtime.run_reader import RunReader
+
+
+def build_review(
+    run: Path,
+    out_rrd: Path,
+    settings: ReviewSettings | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> None:
+    """Make review.rrd again from a run; the old one stays until the new one is whole.
+
+    progress is told the share that is done. Raises NotARunError, StorageError.
+    """
+    reader = RunReader(run)
+    header = reader.header
+    configuration = load_configuration_text(header.configuration_text, source=str(run))
+    facts = {"run": reader.folder.path.name, "source": header.source, "created": header.created_utc} | {
+        name: header.versions[name] for name in ("infant", "rerun-sdk") if name in header.versions
+    }
+    unfinished = out_rrd.with_name(out_rrd.name + ".unfinished")
+    writer = ReviewWriter(
+        unfinished, settings or configuration.review, configuration.slam.mount.as_pose(), facts
+    )
+    for record in reader.records():
+        if record.topic in TOPICS:
+            writer.feed(record)
+            if progress is not None and record.topic == "/tick":
+                progress(reader.read_fraction)
+    writer.close()
+    os.replace(unfinished, out_rrd)

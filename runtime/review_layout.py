@@ -1,0 +1,222 @@
+"""How review.rrd looks: what is drawn in which colour, and which view stands where."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from runtime.review_columns import ELAPSED
+from slam.observations import MatchVerdict
+
+FloatArray = NDArray[np.float64]
+Color = tuple[int, int, int]
+
+SLAM: Color = (80, 170, 255)
+ODOMETRY: Color = (255, 160, 60)
+TRUTH: Color = (95, 225, 120)
+KEPT: Color = (205, 215, 225)
+MOVED: Color = (255, 75, 75)
+NOT_COMPARED: Color = (115, 118, 130)
+TRACE: Color = (88, 96, 112)
+SPOKES: Color = (60, 140, 80)
+PARTICLES: Color = (225, 120, 255)
+SURE: Color = (255, 215, 80)
+DOUBTED: Color = (130, 70, 60)
+NEW: Color = (90, 255, 220)
+
+VERDICTS: dict[int, tuple[str, Color]] = {
+    MatchVerdict.NEW: ("new", NEW),
+    MatchVerdict.UNLICENSED: ("no landmark made: not seen before (difference)", (255, 130, 100)),
+    MatchVerdict.AMBIGUOUS: ("ambiguous (density)", (255, 90, 170)),
+    MatchVerdict.EXCLUDED: ("landmark taken by another feature (exclusivity)", (255, 90, 90)),
+    MatchVerdict.OUT_OF_RANGE: ("out of range (range)", (150, 150, 165)),
+}
+
+CURVES: dict[str, Color] = {
+    "plots/error/SLAM_m": SLAM,
+    "plots/error/odometry_m": ODOMETRY,
+    "plots/error/2_sigma_m": (150, 150, 165),
+    "plots/timing/lateness_ms": (255, 215, 80),
+    "plots/timing/step_ms": SLAM,
+    "plots/timing/read_ms": (150, 150, 165),
+    "plots/filter/effective_particles": PARTICLES,
+    "plots/filter/landmarks": SURE,
+    "plots/filter/matched": TRUTH,
+    "plots/sensors/laser_age_ms": KEPT,
+    "plots/sensors/wheels_age_ms": ODOMETRY,
+}
+
+LEGEND = """\
+# How to read this run
+
+| colour | what |
+|---|---|
+| blue line | SLAM: the published pose |
+| orange line | odometry alone |
+| green line | truth, where it is known |
+| white points | laser, kept |
+| red points | laser, rejected: moved between scans |
+| grey points | laser, nothing to compare with |
+| dark grey points | laser, kept, of once a second until now: walls that stay thin are a map that holds |
+| violet points | particles |
+| yellow points | landmarks; brown where existence is doubted |
+| discs | covariances, {sigmas:g} sigma |
+| green spokes | a feature matched to its landmark |
+| other labelled points | a feature that is new or refused, and by which technique |
+
+{facts}
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """What the map view must show: a box in the map frame, in metres."""
+
+    low_x_m: float = -10.0
+    low_y_m: float = -10.0
+    high_x_m: float = 10.0
+    high_y_m: float = 10.0
+
+    def with_points(self, points_m: FloatArray) -> "Extent":
+        """The box that also holds these (N, 2)."""
+        if not len(points_m):
+            return self
+        (low_x_m, low_y_m), (high_x_m, high_y_m) = points_m.min(axis=0).tolist(), points_m.max(axis=0).tolist()
+        return replace(
+            self,
+            low_x_m=min(self.low_x_m, low_x_m),
+            low_y_m=min(self.low_y_m, low_y_m),
+            high_x_m=max(self.high_x_m, high_x_m),
+            high_y_m=max(self.high_y_m, high_y_m),
+        )
+
+    @property
+    def center_m(self) -> tuple[float, float]:
+        """Middle of the box."""
+        return 0.5 * (self.low_x_m + self.high_x_m), 0.5 * (self.low_y_m + self.high_y_m)
+
+    @property
+    def eye_height_m(self) -> float:
+        """From where a view a little wider than high shows the whole box; the viewer opens 55 degrees."""
+        return 1.08 * max(self.high_y_m - self.low_y_m, (self.high_x_m - self.low_x_m) / 1.05, 5.0)
+
+
+def draw_static(recording: rr.RecordingStream, facts: dict[str, str], sigmas: float) -> None:
+    """Styles, the rover's shape and the legend: said once."""
+    recording.log("map", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    for path, color, size in (
+        ("map/laser/kept", KEPT, 1.3),
+        ("map/laser/rejected", MOVED, 2.0),
+        ("map/laser/not_compared", NOT_COMPARED, 1.1),
+        ("map/laser/trace", TRACE, 0.9),
+        ("map/particles", PARTICLES, 2.0),
+    ):
+        style = rr.Points3D.from_fields(colors=[color], radii=rr.Radius.ui_points(size))
+        recording.log(path, style, static=True)
+    for path, color, size in (
+        ("map/path/odometry", ODOMETRY, 1.0),
+        ("map/path/truth", TRUTH, 1.0),
+        ("map/path/SLAM", SLAM, 1.4),
+        ("map/association/matched", SPOKES, 0.6),
+    ):
+        line = rr.LineStrips3D.from_fields(colors=[color], radii=rr.Radius.ui_points(size))
+        recording.log(path, line, static=True)
+    for path in ("map/association/new_and_refused", "map/landmarks"):
+        style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(4.0), show_labels=False)
+        recording.log(path, style, static=True)
+    for path, colors in (("map/landmarks/covariances", None), ("map/pose_covariance", [(*SLAM, 70)])):
+        disc = rr.Ellipsoids3D.from_fields(fill_mode="solid", colors=colors)
+        recording.log(path, disc, static=True)
+    _draw_rover(recording, "map/rover", SLAM)
+    _draw_rover(recording, "map/truth", TRUTH)
+    for path, color in CURVES.items():
+        curve = rr.SeriesLines(colors=[color], names=path.rsplit("/", 1)[1].replace("_", " "), widths=1.5)
+        recording.log(path, curve, static=True)
+    table = "\n".join(f"- {name}: `{value}`" for name, value in facts.items())
+    legend = rr.TextDocument(LEGEND.format(facts=table, sigmas=sigmas), media_type="text/markdown")
+    recording.log("legend", legend, static=True)
+
+
+def _draw_rover(recording: rr.RecordingStream, path: str, color: Color) -> None:
+    """An outline of 0.7 m by 0.5 m with a nose, and an arrow ahead that is seen from far."""
+    outline_m = [(-0.35, -0.25, 0), (0.2, -0.25, 0), (0.35, 0, 0), (0.2, 0.25, 0), (-0.35, 0.25, 0), (-0.35, -0.25, 0)]
+    shape = rr.LineStrips3D([outline_m, [(0, 0, 0), (1.2, 0, 0)]], colors=[color], radii=rr.Radius.ui_points(1.6))
+    recording.log(f"{path}/shape", shape, static=True)
+
+
+def layout(extent: Extent, with_truth: bool) -> rrb.Blueprint:
+    """Map from above, the rover's surroundings, four plots, events and legend."""
+    x_m, y_m = extent.center_m
+    whole = rrb.Spatial3DView(
+        name="map from above",
+        origin="map",
+        contents=["map/**", "- map/association/**"],
+        eye_controls=_from_above((x_m, y_m, 0.0), extent.eye_height_m),
+        line_grid=_grid(extent.eye_height_m),
+        background=(14, 16, 20),
+        overrides=_whole_paths(),
+    )
+    around = rrb.Spatial3DView(
+        name="around the rover: features and what became of them",
+        origin="map/rover",
+        contents=["map/**"],
+        eye_controls=_from_above((0.0, 0.0, 0.0), 24.0),
+        line_grid=_grid(24.0),
+        background=(14, 16, 20),
+        overrides=_whole_paths(),
+    )
+    error = "position error and 2 sigma (m)" if with_truth else "2 sigma of the position (m)"
+    plots = rrb.Grid(
+        _plot(error, "plots/error"),
+        _plot("filter", "plots/filter"),
+        _plot("loop (ms)", "plots/timing"),
+        _plot("age of the newest sample (ms)", "plots/sensors"),
+        grid_columns=2,
+    )
+    words = rrb.Tabs(
+        rrb.TextLogView(name="events", origin="events", columns=_event_columns()),
+        rrb.TextDocumentView(name="legend", origin="legend"),
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(whole, rrb.Vertical(around, plots, words, row_shares=[9, 9, 4]), column_shares=[11, 9]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=ELAPSED),
+        auto_views=False,
+    )
+
+
+def _from_above(target_m: tuple[float, float, float], height_m: float) -> Any:
+    """North up, east right: rerun's 2D views would mirror the map, their y axis points down."""
+    x_m, y_m, _ = target_m
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital, position=(x_m, y_m, height_m), look_target=target_m, eye_up=(0.0, 1.0, 0.0)
+    )
+
+
+def _grid(height_m: float) -> Any:
+    spacing_m = 1.0 if height_m < 40.0 else 10.0 if height_m < 400.0 else 100.0
+    return rrb.LineGrid3D(visible=True, spacing=spacing_m, stroke_width=0.5, color=(60, 64, 74, 110))
+
+
+def _whole_paths() -> Any:
+    """Paths are logged in pieces of a second; all pieces up to the cursor are the path."""
+    until_now = rrb.VisibleTimeRanges(
+        timeline=ELAPSED,
+        start=rrb.TimeRangeBoundary.infinite(),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    pieces = ("map/path/SLAM", "map/path/odometry", "map/path/truth", "map/laser/trace")
+    return dict.fromkeys(pieces, until_now)
+
+
+def _event_columns() -> Any:
+    kinds = rrb.encodings.TextLogColumnKind
+    return rrb.TextLogColumns(text_log_columns=[kinds.LogLevel, kinds.Body])
+
+
+def _plot(name: str, origin: str) -> Any:
+    return rrb.TimeSeriesView(name=name, origin=origin, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop))

@@ -1,0 +1,156 @@
+"""Looking at a run: the rerun viewer on this machine only, and pictures of it without a screen."""
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from runtime.errors import ConfigurationError, StorageError
+from runtime.review_columns import ELAPSED
+from runtime.run_folder import RunFolder
+
+LOOPBACK = "127.0.0.1"
+READY_S = 60.0
+POLL_S = 0.5
+TOP_BAR_PX = 36
+SETTLE_S = 2.0  # after the last change of time: textures and plots are drawn over a few frames
+NO_VULKAN = "the viewer has no graphics driver; apt-get install mesa-vulkan-drivers draws without a graphics card"
+
+
+def review_path(run: Path) -> Path:
+    """The review.rrd of a run, made from run.mcap if it is not there. Raises NotARunError, StorageError."""
+    if run.suffix == ".rrd" and run.is_file():
+        return run
+    folder = RunFolder.open(run)
+    if not folder.review_path.is_file():
+        from runtime.review_build import build_review
+
+        build_review(folder.path, folder.review_path)
+    return folder.review_path
+
+
+def view(run: Path, web: bool = False) -> int:
+    """Open the viewer and wait until it is closed; with `web` serve it to a browser on this machine.
+
+    Returns the viewer's exit code. Raises ConfigurationError when the viewer is not installed.
+    """
+    command = [viewer_path(), str(review_path(run)), "--bind", LOOPBACK, "--port", str(free_port())]
+    if web:
+        command += ["--web-viewer", "--web-viewer-port", str(free_port())]
+    return subprocess.call(command, env=viewer_environment())
+
+
+def screenshot(run: Path, png: Path, at_s: float | None = None, size: tuple[int, int] = (1600, 1000)) -> list[str]:
+    """Render the review of a run into a PNG without a screen, at a time of the run or at its end.
+
+    Returns the errors that the views report, none if all is well.
+    Raises ConfigurationError when there is no viewer or no driver, StorageError when the PNG cannot be written.
+    """
+    with headless_viewer(review_path(run), size) as client:
+        end_s = last_time_s(client.get_state())
+        client.set_time(ELAPSED, duration=end_s if at_s is None else min(at_s, end_s), play_state="paused")
+        time.sleep(SETTLE_S)
+        try:
+            client.save_screenshot(str(png.absolute()))
+            without_top_bar(png)
+        except (RuntimeError, OSError) as error:
+            raise StorageError(f"{png} cannot be written ({error}); give a path in a folder that exists") from error
+        return reported_errors(client.get_state())
+
+
+def reported_errors(state: Any) -> list[str]:
+    """What the views of a viewer complain of, "view: report" each."""
+    return [f"{view.name}: {report}" for view in state.views for report in view.reports]
+
+
+def last_time_s(state: Any) -> float:
+    """Where the timeline ends that is measured in seconds; -1 while there is none."""
+    ends_ns = [
+        timeline.end
+        for recording in state.recordings
+        for timeline in recording.timelines
+        if timeline.name == ELAPSED and timeline.end is not None
+    ]
+    return max(ends_ns) * 1e-9 if ends_ns else -1.0
+
+
+def without_top_bar(png: Path) -> None:
+    """Cut off the menu, which in a headless viewer only warns of its own software rendering."""
+    from PIL import Image
+
+    with Image.open(png) as picture:
+        cut = picture.crop((0, TOP_BAR_PX, picture.width, picture.height))
+    cut.save(png, optimize=True)
+
+
+def viewer_path() -> str:
+    """The rerun command of this environment, not another one on the PATH."""
+    beside = Path(sys.executable).with_name("rerun")
+    path = str(beside) if beside.exists() else shutil.which("rerun")
+    if path is None:
+        raise ConfigurationError("no rerun viewer found; install the package rerun-sdk into this environment")
+    return path
+
+
+def viewer_environment() -> dict[str, str]:
+    """Without a screen only Vulkan draws; with one the viewer chooses for itself."""
+    return {**os.environ, "RERUN_ANALYTICS": "off"}
+
+
+def free_port() -> int:
+    """A port of the loopback that was free a moment ago."""
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@contextmanager
+def headless_viewer(rrd: Path, size: tuple[int, int]) -> Iterator[Any]:
+    """A client of an invisible viewer that has loaded the file; the viewer ends with the block.
+
+    Raises ConfigurationError when it does not come up.
+    """
+    from rerun.experimental import ViewerClient
+
+    port = free_port()
+    command = [viewer_path(), "--headless", "--port", str(port), "--bind", LOOPBACK]
+    command += ["--window-size", f"{size[0]}x{size[1]}", str(rrd)]
+    with tempfile.TemporaryFile() as words:
+        environment = {**viewer_environment(), "WGPU_BACKEND": "vulkan"}
+        viewer = subprocess.Popen(command, env=environment, stdout=words, stderr=words)
+        try:
+            yield _loaded_client(viewer, ViewerClient, f"rerun+http://{LOOPBACK}:{port}/proxy", words)
+        finally:
+            viewer.kill()
+            viewer.wait()
+
+
+def _loaded_client(viewer: "subprocess.Popen[bytes]", connector: Any, url: str, words: IO[bytes]) -> Any:
+    """Connect, and wait until the file is loaded and its layout has views."""
+    client: Any = None
+    before = -1.0
+    deadline_s = time.monotonic() + READY_S
+    while time.monotonic() < deadline_s:
+        if viewer.poll() is not None:
+            words.seek(0)
+            said = words.read().decode(errors="replace")
+            raise ConfigurationError(NO_VULKAN if "adapter" in said else f"the viewer ended: {said.strip()[-300:]}")
+        try:
+            client = client or connector.connect(url)
+            state = client.get_state()
+            end_s = last_time_s(state)
+            if state.views and not state.loading and 0.0 <= end_s == before:
+                return client  # nothing has been added since the last look
+            before = end_s
+        except (RuntimeError, ConnectionError, OSError):
+            client = None  # not listening yet
+        time.sleep(POLL_S)
+    raise ConfigurationError(f"the viewer did not load the file within {READY_S:.0f} s; try infant view --web")
