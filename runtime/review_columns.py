@@ -7,13 +7,11 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from runtime.review_moments import ELAPSED, TICK
 from slam.pose import Pose2
 
 FloatArray = NDArray[np.float64]
 Columns = Mapping[str, Sequence[Any]]
-
-ELAPSED, TICK = "elapsed", "tick"
-"""The two timelines: seconds since the first tick, and the number of the tick."""
 
 GRAIN_M = 1.0 / 256.0  # 4 mm: far below what a picture shows, and the zero bits that are left compress
 

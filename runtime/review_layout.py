@@ -8,7 +8,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from runtime.review_columns import ELAPSED
+from runtime.review_moments import ELAPSED
 from slam.observations import MatchVerdict
 
 FloatArray = NDArray[np.float64]

@@ -15,6 +15,9 @@ from slam.pose import Pose2
 
 FloatArray = NDArray[np.float64]
 
+ELAPSED, TICK = "elapsed", "tick"
+"""The two timelines: seconds since the first tick, and the number of the tick."""
+
 TOPICS = frozenset(("/scan", "/tick", "/estimate", "/timing", "/truth", "/gap"))
 """What the review is made from; other topics need not be sent to it."""
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from runtime.errors import ConfigurationError, StorageError
-from runtime.review_columns import ELAPSED
+from runtime.review_moments import ELAPSED
 from runtime.run_folder import RunFolder
 
 LOOPBACK = "127.0.0.1"
