@@ -109,14 +109,31 @@ def laser_overrides(model: str | None, listen: str | None, pty: str | None) -> d
     return overrides
 
 
-def check(config: Config, set_: Set = None, as_json: AsJson = False) -> None:
-    """Check a configuration: every key, type and range. Exit 0 when it can be used, 3 when not."""
+def check(
+    config: Config,
+    live: Annotated[bool, typer.Option("--live", help="also ask devices, disk, clock, privileges")] = False,
+    set_: Set = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check a configuration, and with --live the rover. Exit 3: configuration cannot be used, 4: a check failed."""
     from runtime.config import load_configuration
+    from runtime.errors import PreflightError
     from runtime.overrides import key_values
+    from runtime.preflight import Finding, Verdict, preflight, preflight_result, worst
 
     configuration = load_configuration(config, key_values(set_ or []))
-    result = {"config": str(config), "sha256": configuration.sha256, "result": "PASS"}
-    typer.echo(json.dumps(result) if as_json else f"PASS {config} (sha256 {configuration.sha256[:12]})")
+    findings: list[Finding] = []
+    steps = preflight(configuration) if live else iter([Finding("configuration", Verdict.PASS, str(config))])
+    for finding in steps:
+        findings.append(finding)
+        if not as_json:
+            remedy = f"; {finding.remedy}" if finding.remedy else ""
+            typer.echo(f"{finding.verdict:4s} {finding.name:13s} {finding.reason}{remedy}")
+    if as_json:
+        typer.echo(json.dumps({"config": str(config), "sha256": configuration.sha256} | preflight_result(findings)))
+    if worst(findings) is Verdict.FAIL:
+        failed = ", ".join(finding.name for finding in findings if finding.verdict is Verdict.FAIL)
+        raise PreflightError(f"not ready to drive: {failed}; the remedy stands beside each")
 
 
 def status(as_json: AsJson = False) -> None:

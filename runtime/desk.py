@@ -38,7 +38,7 @@ def serve_laser(config: Path | None, overrides: dict[str, str], stop: threading.
     simulation = configuration.simulation or SimulationSettings()
     world, start_ns = World(world_for(simulation)), time.monotonic_ns()
     device = LaserDevice(
-        simulation.laser, lambda t_ns: world.ranges_at(max(0, t_ns - start_ns)), time.monotonic_ns
+        simulation.laser, lambda t_ns: world.ranges_at(t_ns - start_ns), time.monotonic_ns
     )
     device.start()
     try:

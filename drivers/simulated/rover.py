@@ -14,6 +14,7 @@ from drivers.simulated.world_settings import WorldSettings
 from drivers.wheel_settings import EncoderSettings
 
 WHEEL_STREAM = 1  # second word of the seed, so that slip does not repeat the world's own numbers
+FAR_NS = 1 << 62  # monotonic stamps are never this late
 
 
 def world_for(settings: SimulationSettings) -> WorldSettings:
@@ -86,4 +87,5 @@ class Rover:
         self._device.close()
 
     def _world_ns(self, stamp_ns: int) -> int:
-        return 0 if self._start_ns is None else max(0, stamp_ns - self._start_ns)
+        """Time of the world; far before its beginning until drive(): the rover stands, the noise is alive."""
+        return stamp_ns - (FAR_NS if self._start_ns is None else self._start_ns)

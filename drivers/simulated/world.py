@@ -91,7 +91,7 @@ class World:
     def sweep_at(self, t_ns: int) -> Sweep:
         """The same with what each beam fell on; each beam is cast at its own time."""
         laser = self.settings.laser
-        rng = np.random.default_rng([self.settings.seed, 1, max(0, t_ns)])
+        rng = np.random.default_rng([self.settings.seed, 1, abs(t_ns)])
         time_s: FloatArray = t_ns * NANOSECOND_S + self._delays_s
         body_m, heading = self._path.poses(time_s)
         mount_x, mount_y, mount_heading = laser.body_from_laser
