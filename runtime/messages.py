@@ -4,6 +4,7 @@ Both directions of each message stand beside each other; /scan stands in ros_mes
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,9 @@ def encode_tick(tick: Tick) -> Record:
 
 def decode_tick(data: bytes, ranges_m: NDArray[np.float32] | None = None) -> Tick:
     """The tick; ranges_m (N,) are those of the LaserScan that stands before it, if it has seen a scan.
+
+    Its arrays are copies: views into a message stand off their natural alignment, and compiled kernels would be
+    compiled a second time for them, with other instructions than on the drive.
 
     Raises ValueError when the scan's ranges are missing.
     """
@@ -207,21 +211,26 @@ def _seen(message: Any, ranges_m: NDArray[np.float32] | None) -> ScanLike | None
     if message.seen == SIGHTINGS:
         return Sightings(
             message.seen_stamp_ns,
-            message.sighting_ranges_m,
-            message.sighting_bearings_rad,
-            message.sighting_identities,
+            message.sighting_ranges_m.copy(),
+            message.sighting_bearings_rad.copy(),
+            message.sighting_identities.copy(),
         )
     if message.seen != SCAN:
         return None
     if ranges_m is None:
         raise ValueError(f"tick {message.seq} has seen a scan but no LaserScan stands before it")
-    bearings_rad = message.bearings_rad
+    bearings_rad = message.bearings_rad.copy()
     if bearings_rad.size == 0:
-        first_rad, increment_rad = message.bearing_first_rad, message.bearing_increment_rad
-        bearings_rad = uniform_bearings(first_rad, increment_rad, ranges_m.size)
+        bearings_rad = _bearings(message.bearing_first_rad, message.bearing_increment_rad, ranges_m.size)
     return Scan(
         message.seen_stamp_ns, ranges_m, bearings_rad, message.beam_period_s, message.stamp_beam, message.range_max_m
     )
+
+
+@lru_cache(maxsize=8)
+def _bearings(first_rad: float, increment_rad: float, count: int) -> FloatArray:
+    """The same array for every scan of a laser, as the driver has it."""
+    return uniform_bearings(first_rad, increment_rad, count)
 
 
 def exact_increment_rad(bearings_rad: FloatArray) -> float | None:

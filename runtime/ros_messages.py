@@ -46,8 +46,8 @@ def encode_scan(scan: Scan) -> Record:
 
 
 def decode_ranges_m(data: bytes) -> NDArray[np.float32]:
-    """Ranges (N,) of a record of /scan."""
-    ranges_m: NDArray[np.float32] = decode("/scan", data).ranges
+    """Ranges (N,) of a record of /scan, in memory of their own."""
+    ranges_m: NDArray[np.float32] = decode("/scan", data).ranges.copy()
     return ranges_m
 
 

@@ -52,7 +52,7 @@ def load_archive(source: Path) -> Archive:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         meta = json.loads(str(arrays.pop("meta")))
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+    except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
         raise DataSetError(f"{path} cannot be read as a data set ({error}); fetch it again") from error
     except KeyError as error:
         raise DataSetError(f"{path} has no array named meta; it must describe the sensor (format ld2d-1)") from error

@@ -26,6 +26,8 @@ def ticks(seen: Iterable[ScanLike], wheels: list[WheelSample], spacing_ns: int) 
     for stamp_ns, end in _between(wheels, first, now_ns, None, spacing_ns):
         yield Tick(seq, stamp_ns, None, tuple(wheels[first:end]))
         seq, first = seq + 1, end
+    if first < len(wheels):
+        yield Tick(seq, wheels[-1].stamp_ns, None, tuple(wheels[first:]))
 
 
 def _between(

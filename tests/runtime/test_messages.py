@@ -107,6 +107,16 @@ def test_a_tick_comes_back_to_the_last_bit(tick: Tick) -> None:
     assert same_bits(tick, tick_again(tick))
 
 
+def test_arrays_of_a_tick_stand_in_memory_as_those_of_a_driver_do() -> None:
+    rng = np.random.default_rng(3)
+    for seen in ("scan", "sightings"):
+        again = tick_again(make_tick(1, rng, seen)).scan
+        assert again is not None
+        for array in (again.ranges_m, again.bearings_rad):
+            assert array.flags.aligned
+            assert array.flags.owndata
+
+
 def test_millimetres_survive() -> None:
     millimetres = np.arange(0, 65_000, 7)
     ranges_m = (millimetres / 1000.0).astype(np.float32)
