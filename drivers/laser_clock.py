@@ -7,7 +7,8 @@ drift (Moon, Skelly, Towsley 1999: linear programming over the lower convex hull
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 from itertools import pairwise
 
@@ -18,7 +19,12 @@ JUMP_MS = 1500  # more than any delay of a message that is worth having; a resta
 BUCKET_NS = 2_000_000_000
 BUCKETS = 150  # five minutes: a crystal's drift changes with temperature, not faster
 ANCHOR_SPAN_NS = 120_000_000_000  # as long the offset hangs on the answers to TM
-DRIFT_PRIOR_PPM = 50.0
+MEANS_MIN = 3
+HULL_MIN = 6  # fewer points lie on a line by chance
+MEANS_SPAN_NS = 60_000_000_000
+DRIFT_PRIOR_PPM = 75.0
+PATH_STEP_NS = 20_000_000  # far more than jitter: another path of the messages, or a queue that stays
+PATH_BUCKETS = 5
 DELAY_STEP_NS = 2_000_000  # no crystal moves so far between two fits; the delay of the link has changed
 
 
@@ -37,6 +43,28 @@ class Envelope:
     at_ns: int
     level_ns: float
     slope: float
+
+
+class BucketMean:
+    """Running mean of the points of a bucket, and the scatter around it (Welford)."""
+
+    def __init__(self, x: float, y: float) -> None:
+        self.x, self.y = float(x), float(y)
+        self._count = 1
+        self._squares = 0.0
+
+    def add(self, x: float, y: float) -> None:
+        """One more point."""
+        self._count += 1
+        before = y - self.y
+        self.x += (x - self.x) / self._count
+        self.y += before / self._count
+        self._squares += before * (y - self.y)
+
+    @property
+    def variance_of_mean(self) -> float:
+        """Square of the standard error."""
+        return self._squares / max(1, self._count - 1) / self._count
 
 
 class CounterUnwrap:
@@ -83,7 +111,9 @@ class LaserClock:
         self._drift_max = drift_max_ppm * 1e-6
         self._unwrap = CounterUnwrap()
         self._lowest: deque[tuple[int, int]] = deque(maxlen=BUCKETS)
+        self._means: deque[BucketMean] = deque(maxlen=BUCKETS)
         self._bucket = -1
+        self._slow_buckets = 0
         self._drift = 0.0
         self._drift_sigma = DRIFT_PRIOR_PPM * 1e-6
         self._prior = (self._drift, self._drift_sigma)
@@ -162,14 +192,21 @@ class LaserClock:
             self.delay_ns = nominal_delay_ns
         at_ns = self._unwrap.total_ms * NS_PER_MS
         point = (at_ns, arrival_ns - at_ns)
+        self._follow_path(point)
         bucket = at_ns // BUCKET_NS
         if bucket != self._bucket or not self._lowest:
+            self._slow_buckets = self._slow_buckets + 1 if self._is_slow_bucket() else 0
             self._bucket = bucket
             self._fit_drift(at_ns)
             self._lowest.append(point)
-        elif point[1] < self._lowest[-1][1]:
-            self._lowest[-1] = point
-        self._fit_level(at_ns)
+            self._means.append(BucketMean(at_ns, point[1]))
+            level_ns = min(y + self._drift * (at_ns - x) for x, y in self._lowest)
+        else:
+            self._means[-1].add(at_ns, point[1])
+            if point[1] < self._lowest[-1][1]:
+                self._lowest[-1] = point
+            level_ns = min(self._level_at(at_ns), point[1])
+        self._touch(Envelope(at_ns, level_ns, self._drift))
         return reading
 
     def stamp_ns(self) -> int:
@@ -185,42 +222,97 @@ class LaserClock:
     def _restart(self) -> None:
         """The counter has begun anew; the crystal is the same, so the drift stays known."""
         self._lowest.clear()
+        self._means.clear()
         self._bucket = -1
+        self._slow_buckets = 0
         self._envelope = None
         self._prior = (self._drift, max(self._drift_sigma, 1e-6))
 
     def _fit_drift(self, at_ns: int) -> None:
-        """Slope of the lower hull where the middle of the points is, weighed against what was known before."""
-        prior, prior_sigma = self._prior
-        if len(self._lowest) < 3:
-            self._drift, self._drift_sigma = prior, prior_sigma
+        """Slope of the lower hull, weighed against what was known before and, early on, against that of the means.
+
+        A slope from means takes every change of the traffic for drift, but has half of the hull's error in the first
+        half minute; its weight falls by itself where the jitter has a long tail.
+        """
+        drift, sigma = self._prior
+        if len(self._lowest) >= HULL_MIN:
+            points = [(x - at_ns, y - self._lowest[0][1]) for x, y in self._lowest]
+            slope, slope_sigma, self._scatter_ns = _hull_slope(points)
+            drift, sigma = _weigh(drift, sigma, slope, slope_sigma)
+        if MEANS_MIN <= len(self._means) and self._means[-1].x - self._means[0].x < MEANS_SPAN_NS:
+            drift, sigma = _weigh(drift, sigma, *_mean_slope(self._means))
+        self._drift = max(-self._drift_max, min(self._drift_max, drift))
+        self._drift_sigma = sigma
+
+    def _is_slow_bucket(self) -> bool:
+        """True if even the fastest message of the newest bucket came far above the envelope."""
+        return bool(self._lowest) and self._lowest[-1][1] - self._level_at(self._lowest[-1][0]) > PATH_STEP_NS
+
+    def _follow_path(self, point: tuple[int, int]) -> None:
+        """Take a delay that has changed for good as the delay's, before the slope of the hull takes it for drift."""
+        if len(self._lowest) < PATH_BUCKETS:
             return
-        points = [(x - at_ns, y - self._lowest[0][1]) for x, y in self._lowest]
-        slope = _hull_slope(points)
-        slope = max(-self._drift_max, min(self._drift_max, slope))
-        residuals = sorted(y - slope * x for x, y in points)
-        scatter_ns = residuals[len(residuals) // 2] - residuals[0] + HALF_MS_NS / 2
-        sigma = scatter_ns / (points[-1][0] - points[0][0])
-        weight = prior_sigma**2 / (prior_sigma**2 + sigma**2)
-        self._drift = prior + weight * (slope - prior)
-        self._drift_sigma = sigma * math.sqrt(weight)
-        self._scatter_ns = scatter_ns
+        step_ns = point[1] - self._level_at(point[0])
+        if step_ns > 0.0:
+            if self._slow_buckets < PATH_BUCKETS:
+                return
+            slow = list(self._lowest)[-PATH_BUCKETS:]
+            step_ns = min(y - self._level_at(x) for x, y in slow)
+            kept, moved = PATH_BUCKETS, len(self._lowest) - PATH_BUCKETS
+        elif step_ns < -PATH_STEP_NS:
+            kept, moved = 0, len(self._lowest)
+        else:
+            return
+        points = list(self._lowest)
+        shifted = [(x, y + round(step_ns)) for x, y in points[:moved]] + points[len(points) - kept :]
+        self._lowest.clear()
+        self._lowest.extend(shifted)
+        self._means.clear()
+        self._means.extend(BucketMean(x, y) for x, y in shifted)
+        self._slow_buckets = 0
+        self.delay_ns += step_ns
+        assert self._envelope is not None
+        self._envelope = replace(self._envelope, level_ns=self._envelope.level_ns + step_ns)
+        if self._anchor is not None:
+            self._anchor = (self._anchor[0] - ANCHOR_SPAN_NS, self._anchor[1])  # it held for the path before
 
-    def _fit_level(self, at_ns: int) -> None:
-        """Line of the estimated slope that touches the points from below, and what of it is delay."""
-        level_ns = min(y + self._drift * (at_ns - x) for x, y in self._lowest)
-        before, self._envelope = self._envelope, Envelope(at_ns, level_ns, self._drift)
-        if self._anchor is not None and at_ns - self._anchor[0] < ANCHOR_SPAN_NS:
-            anchor_ns, offset_ns = self._anchor
-            self.delay_ns = level_ns - (offset_ns + self._drift * (at_ns - anchor_ns))
-        elif before is not None and self._anchor is not None:
-            step_ns = level_ns - (before.level_ns + before.slope * (at_ns - before.at_ns))
-            if abs(step_ns) > DELAY_STEP_NS:
-                self.delay_ns += step_ns
+    def _level_at(self, at_ns: int) -> float:
+        """The envelope drawn on to a device time."""
+        assert self._envelope is not None
+        return self._envelope.level_ns + self._envelope.slope * (at_ns - self._envelope.at_ns)
+
+    def _touch(self, envelope: Envelope) -> None:
+        """Take the line of the estimated slope that touches the points from below, and tell what of it is delay."""
+        before_ns = None if self._envelope is None else self._level_at(envelope.at_ns)
+        self._envelope = envelope
+        if self._anchor is None:
+            return
+        anchor_ns, offset_ns = self._anchor
+        if envelope.at_ns - anchor_ns < ANCHOR_SPAN_NS:
+            self.delay_ns = envelope.level_ns - (offset_ns + envelope.slope * (envelope.at_ns - anchor_ns))
+        elif before_ns is not None and abs(envelope.level_ns - before_ns) > DELAY_STEP_NS:
+            self.delay_ns += envelope.level_ns - before_ns
 
 
-def _hull_slope(points: list[tuple[int, int]]) -> float:
-    """Slope of the edge of the lower convex hull above the mean abscissa."""
+def _weigh(value: float, sigma: float, other: float, other_sigma: float) -> tuple[float, float]:
+    """Two estimates of one thing, by their variances."""
+    weight = sigma**2 / (sigma**2 + other_sigma**2)
+    return value + weight * (other - value), other_sigma * math.sqrt(weight)
+
+
+def _mean_slope(means: Sequence[BucketMean]) -> tuple[float, float]:
+    """Least squares through the means of the buckets; the deviation of the slope follows from the scatter inside."""
+    count = len(means)
+    middle_x, middle_y = sum(mean.x for mean in means) / count, sum(mean.y for mean in means) / count
+    spread = sum((mean.x - middle_x) ** 2 for mean in means)
+    slope = sum((mean.x - middle_x) * (mean.y - middle_y) for mean in means) / spread
+    variance = sum(mean.variance_of_mean for mean in means) / count
+    residual = sum((mean.y - middle_y - slope * (mean.x - middle_x)) ** 2 for mean in means) / (count - 2)
+    return slope, math.sqrt(max(variance, residual) / spread)
+
+
+def _hull_slope(points: Sequence[tuple[int, int]]) -> tuple[float, float, float]:
+    """Slope of the edge of the lower convex hull above the mean abscissa, its deviation, and the points' scatter."""
     hull: list[tuple[int, int]] = []
     for x, y in points:
         while len(hull) > 1:
@@ -230,7 +322,8 @@ def _hull_slope(points: list[tuple[int, int]]) -> float:
             hull.pop()
         hull.append((x, y))
     middle = sum(x for x, _ in points) / len(points)
-    for (x0, y0), (x1, y1) in pairwise(hull):
-        if x1 >= middle:
-            return (y1 - y0) / (x1 - x0)
-    return 0.0
+    (x0, y0), (x1, y1) = next(edge for edge in pairwise(hull) if edge[1][0] >= middle)
+    slope = (y1 - y0) / (x1 - x0)
+    residuals = sorted(y - slope * x for x, y in points)
+    scatter_ns = residuals[len(residuals) // 2] - residuals[0] + HALF_MS_NS / 2
+    return slope, scatter_ns / (points[-1][0] - points[0][0]), scatter_ns

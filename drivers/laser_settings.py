@@ -45,7 +45,7 @@ class LaserSettings(BaseModel):
         True, description="ask for the device's clock (TM) before streaming; off for firmware whose TM is broken"
     )
     time_sync_samples: int = Field(
-        25, ge=1, le=200, description="TM1 requests; all brackets together count, and 25 take 25 ms on a network"
+        50, ge=1, le=200, description="TM1 requests; all brackets together count, and 50 take 30 ms on a network"
     )
     drift_max_ppm: float = Field(
         200.0, ge=1.0, le=2000.0, description="ppm, bound on the drift of the device's clock; crystals are below 100"
