@@ -1,209 +1,40 @@
-"""Draws a run into review.rrd: a pure function of the records, so that it can be made again from run.mcap."""
+"""Makes the picture of a run again from its record."""
 
-from collections.abc import Mapping
+import os
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-import rerun as rr
-from numpy.typing import NDArray
-
-from drivers.measurements import Scan
-from runtime.errors import StorageError
-from runtime.messages import Record
-from runtime.review_columns import ReviewColumns
-from runtime.review_curves import draw_curves
-from runtime.review_layout import DOUBTED, SURE, TRUTH, VERDICTS, Extent, draw_static, layout
-from runtime.review_moments import Moment, MomentAssembler, Motion, beam_points
+from runtime.config import load_configuration_text
+from runtime.review_moments import TOPICS
 from runtime.review_settings import ReviewSettings
-from slam.estimate import Estimate, LandmarkMap
-from slam.observations import BeamVerdict, Features
-from slam.pose import Pose2
-
-FloatArray = NDArray[np.float64]
-
-LASER_PATHS = {
-    BeamVerdict.KEPT: "map/laser/kept",
-    BeamVerdict.MOVED: "map/laser/rejected",
-    BeamVerdict.NOT_COMPARED: "map/laser/not_compared",
-}
-TRACE_STEP = 3  # every third point of a scan: a wall stays a wall
-PATHS = ("SLAM", "odometry", "truth")
+from runtime.review_writer import ReviewWriter
+from runtime.run_reader import RunReader
 
 
-class ReviewWriter:
-    """Takes records in the order of writing and draws them. Memory stays flat; nothing is read back.
+def build_review(
+    run: Path,
+    out_rrd: Path,
+    settings: ReviewSettings | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> None:
+    """Make review.rrd again from a run; the old one stays until the new one is whole.
 
-    body_from_laser: the laser's mount; facts: lines for the legend.
-    Raises StorageError when the file cannot be made.
+    progress is told the share that is done. Raises NotARunError, StorageError.
     """
-
-    def __init__(
-        self,
-        path: Path,
-        settings: ReviewSettings,
-        body_from_laser: Pose2 | None = None,
-        facts: Mapping[str, str] | None = None,
-    ) -> None:
-        self._settings = settings
-        self._body_from_laser = body_from_laser or Pose2()
-        self._moments = MomentAssembler()
-        self._extent = Extent()
-        self._before: Estimate | None = None
-        self._landmarks: LandmarkMap | None = None
-        self._start_ns: int | None = None
-        self._drawn = 0
-        self._with_truth = False
-        self._ends: dict[str, FloatArray] = {}
-        self._paths: dict[str, list[tuple[float, float]]] = {name: [] for name in PATHS}
-        self._recording = rr.RecordingStream("infant", recording_id=f"infant-{path.parent.name}")
-        try:
-            # a footer would keep a manifest of all chunks in memory: 155 MB an hour
-            self._recording.save(path, layout(self._extent, True), write_footer=False)
-        except (RuntimeError, OSError) as error:
-            raise StorageError(f"{path} cannot be written ({error}); give a folder that can") from error
-        self._recording.send_recording_name(path.parent.name or "run")
-        draw_static(self._recording, dict(facts or {}), settings.sigmas)
-        self._columns = ReviewColumns(self._recording)
-
-    def feed(self, record: Record) -> None:
-        """One record of the run; topics that are not drawn are passed over."""
-        moment = self._moments.feed(record)
-        if moment is not None:
-            self._draw(moment)
-
-    def close(self) -> None:
-        """Draw what is left and say how the whole is best looked at."""
-        moment = self._moments.last()
-        if moment is not None:
-            self._draw(moment)
-        self._flush()
-        self._recording.send_blueprint(layout(self._extent, self._with_truth), make_active=True, make_default=True)
-        self._recording.disconnect()
-
-    def _draw(self, moment: Moment) -> None:
-        """One tick."""
-        tick, estimate = moment.tick, moment.estimate
-        if self._start_ns is None:
-            self._start_ns = tick.stamp_ns
-        self._columns.at(tick.stamp_ns - self._start_ns, tick.seq)
-        self._draw_events(moment)
-        draw_curves(self._columns, moment)
-        if estimate is not None:
-            motion = Motion.between(self._before, estimate)
-            self._draw_poses(estimate, moment.truth)
-            self._draw_particles(estimate)
-            self._draw_landmarks(estimate)
-            if isinstance(tick.scan, Scan):
-                self._draw_scan(tick.scan, estimate, motion)
-            if estimate.features is not None and estimate.matches is not None:
-                self._draw_association(estimate.features, estimate.matches, motion)
-            self._before = estimate
-        self._drawn += 1
-        if self._drawn % self._settings.batch_ticks == 0:
-            self._flush()
-
-    def _draw_events(self, moment: Moment) -> None:
-        for event in (*moment.losses, *moment.tick.events):
-            elapsed_ns = max(0, event.stamp_ns - (self._start_ns or 0))
-            text = f"{event.source} {event.kind}: {event.reason}"
-            self._columns.text("events", text, event.severity.value.upper(), elapsed_ns)
-        before, now = self._before, moment.estimate
-        if now is not None and (before is None or before.quality is not now.quality):
-            elapsed_ns = moment.tick.stamp_ns - (self._start_ns or 0)
-            self._columns.text("events", f"pose quality: {now.quality}", "INFO", elapsed_ns)
-
-    def _draw_poses(self, estimate: Estimate, truth: Pose2 | None) -> None:
-        pose = estimate.map_from_body
-        self._columns.pose("map/rover", pose)
-        center_m = np.array(((pose.x_m, pose.y_m),))
-        covariance_m2 = estimate.covariance[None, :2, :2]
-        self._columns.ellipses("map/pose_covariance", center_m, covariance_m2, self._settings.sigmas, None)
-        self._paths["SLAM"].append((pose.x_m, pose.y_m))
-        self._paths["odometry"].append((estimate.odom_from_body.x_m, estimate.odom_from_body.y_m))
-        if truth is not None:
-            self._with_truth = True
-            self._columns.pose("map/truth", truth)
-            self._paths["truth"].append((truth.x_m, truth.y_m))
-
-    def _draw_particles(self, estimate: Estimate) -> None:
-        if estimate.particles is not None and self._drawn % self._settings.particles_every == 0:
-            self._columns.points("map/particles", estimate.particles[:, :2])
-
-    def _draw_landmarks(self, estimate: Estimate) -> None:
-        landmarks = estimate.landmarks
-        if landmarks is None:
-            return
-        self._landmarks = landmarks
-        sure = 1.0 / (1.0 + np.exp(-landmarks.existence_log_odds))
-        colors = mixed(DOUBTED, SURE, sure)
-        labels = [f"{name} ({p:.2f})" for name, p in zip(landmarks.identities.tolist(), sure.tolist(), strict=True)]
-        self._columns.named_points("map/landmarks", landmarks.means_m, colors, labels)
-        see_through = np.concatenate((colors, np.full((len(colors), 1), 60, np.uint8)), axis=1)
-        self._columns.ellipses(
-            "map/landmarks/covariances",
-            landmarks.means_m,
-            landmarks.covariances_m2,
-            self._settings.sigmas,
-            see_through,
-        )
-        self._extent = self._extent.with_points(landmarks.means_m)
-
-    def _draw_scan(self, scan: Scan, estimate: Estimate, motion: Motion) -> None:
-        """Each beam where the laser was when it was taken, in the colour of what the front end made of it."""
-        if self._drawn % self._settings.scan_every:
-            return
-        stamps_ns, laser_m, returned = beam_points(scan)
-        verdicts = estimate.beam_verdicts
-        if verdicts is None or verdicts.size != returned.size:
-            verdicts = np.full(returned.size, BeamVerdict.NOT_COMPARED, np.uint8)
-        points_m = motion.to_map(stamps_ns[returned], laser_m[returned], self._body_from_laser)
-        for verdict, path in LASER_PATHS.items():
-            self._columns.points(path, points_m[verdicts[returned] == verdict])
-        if self._drawn % self._settings.trace_every == 0:
-            trace_m = points_m[verdicts[returned] == BeamVerdict.KEPT][::TRACE_STEP]
-            self._columns.points("map/laser/trace", trace_m)
-            self._extent = self._extent.with_points(trace_m)
-
-    def _draw_association(self, features: Features, matches: NDArray[np.int64], motion: Motion) -> None:
-        """A spoke from each matched feature to its landmark; a labelled point for each of the others."""
-        laser_m = features.ranges_m[:, None] * np.stack(
-            (np.cos(features.bearings_rad), np.sin(features.bearings_rad)), axis=-1
-        )
-        stamps_ns = np.full(len(features), features.stamp_ns)
-        points_m = motion.to_map(stamps_ns, laser_m, self._body_from_laser)
-        where_m = {} if self._landmarks is None else dict(
-            zip(self._landmarks.identities.tolist(), self._landmarks.means_m, strict=True)
-        )
-        rover_m = np.array((motion.map_from_body.x_m, motion.map_from_body.y_m))
-        spokes_m = [
-            np.stack((rover_m, point_m, where_m.get(match, point_m)))
-            for point_m, match in zip(points_m, matches.tolist(), strict=True)
-            if match >= 0
-        ]
-        self._columns.strips("map/association/matched", spokes_m)
-        others = [k for k, match in enumerate(matches.tolist()) if match < 0]
-        verdicts = [VERDICTS.get(int(matches[k]), (f"verdict {matches[k]}", TRUTH)) for k in others]
-        colors = np.array([color for _, color in verdicts], np.uint8).reshape(-1, 3)
-        labels = [text for text, _ in verdicts]
-        self._columns.named_points("map/association/new_and_refused", points_m[others], colors, labels)
-
-    def _flush(self) -> None:
-        """Send the columns and one piece of each path, which begins where the last one ended."""
-        for name, points in self._paths.items():
-            if not points:
-                continue
-            piece_m = np.array(points)
-            if name in self._ends:
-                piece_m = np.concatenate((self._ends[name], piece_m))
-            self._ends[name] = piece_m[-1:]
-            self._extent = self._extent.with_points(piece_m)
-            if len(piece_m) > 1:
-                self._columns.strips(f"map/path/{name}", [piece_m])
-            points.clear()
-        self._columns.flush()
-
-
-def mixed(low: tuple[int, int, int], high: tuple[int, int, int], share: FloatArray) -> NDArray[np.uint8]:
-    """Colours (N, 3) between two, by shares (N,) in 0 to 1."""
-    colors = np.outer(1.0 - share, low) + np.outer(share, high)
-    return colors.round().astype(np.uint8)
+    reader = RunReader(run)
+    header = reader.header
+    configuration = load_configuration_text(header.configuration_text, source=str(run))
+    facts = {"run": reader.folder.path.name, "source": header.source, "created": header.created_utc} | {
+        name: header.versions[name] for name in ("infant", "rerun-sdk") if name in header.versions
+    }
+    unfinished = out_rrd.with_name(out_rrd.name + ".unfinished")
+    writer = ReviewWriter(
+        unfinished, settings or configuration.review, configuration.slam.mount.as_pose(), facts
+    )
+    for record in reader.records():
+        if record.topic in TOPICS:
+            writer.feed(record)
+            if progress is not None and record.topic == "/tick":
+                progress(reader.read_fraction)
+    writer.close()
+    os.replace(unfinished, out_rrd)

@@ -148,7 +148,7 @@ def read_frames(stream: IO[bytes]) -> Iterator[Record]:
 
 def draw_from(stream: IO[bytes], path: Path, what: str) -> None:
     """The child: draw what comes until the stream ends."""
-    from runtime.review import ReviewWriter  # here, so that the parent never imports rerun
+    from runtime.review_writer import ReviewWriter  # here, so that the parent never imports rerun
 
     given = json.loads(what)
     writer = ReviewWriter(path, ReviewSettings(**given["settings"]), Pose2(*given["mount"]), given["facts"])

@@ -24,36 +24,35 @@ SETTLE_S = 2.0  # after the last change of time: textures and plots are drawn ov
 NO_VULKAN = "the viewer has no graphics driver; apt-get install mesa-vulkan-drivers draws without a graphics card"
 
 
-def review_path(run: Path) -> Path:
+def review_path(folder: RunFolder) -> Path:
     """The review.rrd of a run, made from run.mcap if it is not there. Raises NotARunError, StorageError."""
-    if run.suffix == ".rrd" and run.is_file():
-        return run
-    folder = RunFolder.open(run)
     if not folder.review_path.is_file():
-        from runtime.review_build import build_review
+        from runtime.review import build_review
 
         build_review(folder.path, folder.review_path)
     return folder.review_path
 
 
-def view(run: Path, web: bool = False) -> int:
+def open_review(folder: RunFolder, web: bool = False) -> int:
     """Open the viewer and wait until it is closed; with `web` serve it to a browser on this machine.
 
     Returns the viewer's exit code. Raises ConfigurationError when the viewer is not installed.
     """
-    command = [viewer_path(), str(review_path(run)), "--bind", LOOPBACK, "--port", str(free_port())]
+    command = [viewer_path(), str(review_path(folder)), "--bind", LOOPBACK, "--port", str(free_port())]
     if web:
         command += ["--web-viewer", "--web-viewer-port", str(free_port())]
     return subprocess.call(command, env=viewer_environment())
 
 
-def screenshot(run: Path, png: Path, at_s: float | None = None, size: tuple[int, int] = (1600, 1000)) -> list[str]:
+def screenshot(
+    folder: RunFolder, png: Path, at_s: float | None = None, size: tuple[int, int] = (1600, 1000)
+) -> list[str]:
     """Render the review of a run into a PNG without a screen, at a time of the run or at its end.
 
     Returns the errors that the views report, none if all is well.
     Raises ConfigurationError when there is no viewer or no driver, StorageError when the PNG cannot be written.
     """
-    with headless_viewer(review_path(run), size) as client:
+    with headless_viewer(review_path(folder), size) as client:
         end_s = last_time_s(client.get_state())
         client.set_time(ELAPSED, duration=end_s if at_s is None else min(at_s, end_s), play_state="paused")
         time.sleep(SETTLE_S)

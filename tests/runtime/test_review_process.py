@@ -34,7 +34,7 @@ def test_frames_come_back_and_a_cut_one_is_left_out(records: list[Record], cut: 
 
 
 def test_a_run_is_drawn_in_another_process_as_it_would_be_here(tmp_path: Path) -> None:
-    from runtime.review import ReviewWriter
+    from runtime.review_writer import ReviewWriter
 
     records = [record for tick in drive(30) for record in tick]
     (tmp_path / "here").mkdir()
