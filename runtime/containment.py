@@ -2,13 +2,24 @@
 
 import traceback
 
-from drivers.measurements import Event, Severity
+from typing import Protocol
+
+from drivers.measurements import Event, ScanLike, Severity, WheelSample
 from runtime.tick import Tick
 from slam.estimate import Estimate
-from slam.estimator import Estimator
 
 
-def contained_step(estimator: Estimator, tick: Tick) -> tuple[Estimate, tuple[Event, ...]]:
+class Stepping(Protocol):
+    """What loop and replay need of the Estimator."""
+
+    def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
+        """The estimate at stamp_ns."""
+
+    def state_hash(self) -> bytes:
+        """16 bytes over the state."""
+
+
+def contained_step(estimator: Stepping, tick: Tick) -> tuple[Estimate, tuple[Event, ...]]:
     """The estimate of this tick, and what went wrong.
 
     A defect in the estimator ends the tick as a prediction without the scan; the scan stands in the record of

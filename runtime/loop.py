@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 
 from drivers.measurements import Encoders, Event, Laser, Severity
 from runtime.clock import Clock
-from runtime.containment import contained_step
+from runtime.containment import Stepping, contained_step
 from runtime.health import Health, HealthMonitor
 from runtime.tick import Sink, Tick, Timing
 from slam.estimate import Estimate
-from slam.estimator import Estimator
 from slam.pose import Pose2
 
 Truth = Callable[[int], Pose2 | None]
@@ -54,7 +53,7 @@ class Loop:
         clock: Clock,
         laser: Laser,
         encoders: Encoders,
-        estimator: Estimator,
+        estimator: Stepping,
         sinks: Mapping[str, Sink],
         monitor: HealthMonitor,
         period_ns: int,

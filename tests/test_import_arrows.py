@@ -72,7 +72,7 @@ def test_the_packages_come_from_this_checkout() -> None:
     import slam.pose
 
     for module in (drivers.measurements, runtime.tick, slam.pose):
-        assert Path(module.__file__).is_relative_to(ROOT), module.__file__
+        assert Path(str(module.__file__)).is_relative_to(ROOT), module.__file__
 
 
 def test_files_stay_small() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from drivers.measurements import Event, Scan, SensorHealth, SensorState, WheelCounts, WheelSample, uniform_bearings
+from drivers.measurements import Event, Scan, ScanLike, SensorHealth, SensorState, WheelCounts, WheelSample, uniform_bearings
 from runtime.health import Health, HealthMonitor
 from runtime.loop import Loop
 from runtime.tick import SinkHealth, Tick, Timing
@@ -59,7 +59,7 @@ class ThinkingEstimator:
     def __init__(self, clock: ObedientClock, think_ns: Callable[[int], int]) -> None:
         self.clock, self.think_ns, self.steps = clock, think_ns, 0
 
-    def step(self, stamp_ns: int, scan: Scan | None, wheels: tuple[WheelSample, ...]) -> Estimate:
+    def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
         self.clock.time_ns += self.think_ns(self.steps)
         self.steps += 1
         zero = np.zeros((3, 3))
@@ -165,7 +165,7 @@ def test_a_silent_sensor_degrades_the_run_with_its_reason_once() -> None:
 
 def test_a_defect_in_the_estimator_is_contained_and_recorded() -> None:
     class Defective(ThinkingEstimator):
-        def step(self, stamp_ns: int, scan: Scan | None, wheels: tuple[WheelSample, ...]) -> Estimate:
+        def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
             if scan is not None:
                 raise FloatingPointError("covariance is not positive")
             return super().step(stamp_ns, scan, wheels)

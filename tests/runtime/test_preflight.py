@@ -1,11 +1,10 @@
 import socket
-from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from drivers.measurements import SensorHealth, SensorState
-from runtime import preflight
 from runtime.config import load_configuration_text
 from runtime.preflight import (
     Finding,
@@ -46,18 +45,16 @@ def test_a_clock_that_was_never_set_is_a_warning_with_a_remedy() -> None:
 def test_disk_space_is_judged_in_hours(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free_bytes: float, expected: Verdict
 ) -> None:
-    usage: Callable[[Path], tuple[float, float, float]] = lambda _path: preflight.shutil._ntuple_diskusage(  # noqa: E731
-        2e11, 2e11 - free_bytes, free_bytes
-    )
-    monkeypatch.setattr(preflight.shutil, "disk_usage", usage)
+    usage = SimpleNamespace(total=2e11, used=2e11 - free_bytes, free=free_bytes)
+    monkeypatch.setattr("runtime.preflight.shutil.disk_usage", lambda _path: usage)
     found = check_disk(tmp_path / "runs" / "not-there-yet")
     assert found.verdict is expected
     assert "hours" in found.reason
 
 
 def test_a_priority_that_is_not_allowed_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(preflight.os, "geteuid", lambda: 1000)
-    monkeypatch.setattr(preflight.resource, "getrlimit", lambda _limit: (0, 0))
+    monkeypatch.setattr("runtime.preflight.os.geteuid", lambda: 1000)
+    monkeypatch.setattr("runtime.preflight.resource.getrlimit", lambda _limit: (0, 0))
     found = check_real_time(50)
     assert found.verdict is Verdict.WARN
     assert "LimitRTPRIO" in found.remedy
