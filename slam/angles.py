@@ -1,7 +1,7 @@
 """Angles in compiled code: wrapping, and short series where sigma points lie close together.
 
-A library arctangent takes longer than all else that is done with a sigma point; the series are exact to 1e-13 rad in the
-range they are used in, the library takes over beyond.
+A library arctangent takes longer than all else that is done with a sigma point; the series are exact to 1e-13 rad in
+the range they are used in, the library takes over beyond.
 """
 
 import math

@@ -1,7 +1,7 @@
 """Data association in one particle: which landmark each feature is, and what that does to the pose.
 
-Sequential: nearest feature first, every match folded into the pose before the next feature is looked at. Simultaneous: the
-printed form, all features against the predicted pose. Known: by the identity that the sensor reports.
+Sequential: nearest feature first, every match folded into the pose before the next feature is looked at.
+Simultaneous: the printed form, all features against the predicted pose. Known: by the identity that the sensor reports.
 """
 
 import math
@@ -85,18 +85,13 @@ def match_bound(candidates: FloatArray, chosen: int, tuning: Tuning) -> float:
 
 
 @kernel
-def reach(pose_covariance: FloatArray, sighting: Sighting, distance: float) -> float:
-    """Distance m beyond which a landmark with exact position cannot lie within a squared Mahalanobis distance.
-
-    From the largest variance that pose and sensor can cause at the feature's place; the landmark's own comes on top.
-    """
-    return distance * (
-        pose_covariance[0, 0]
-        + pose_covariance[1, 1]
-        + sighting.rr
-        + (sighting.range_m * sighting.range_m) * (pose_covariance[2, 2] + sighting.bb)
-        + 2.0 * abs(sighting.range_m) * math.sqrt(pose_covariance[2, 2] * (pose_covariance[0, 0] + pose_covariance[1, 1]))
-    )
+def largest_variance(pose_covariance: FloatArray, sighting: Sighting) -> float:
+    """Bound m^2 on the variance that pose and sensor cause at the feature's place; the landmark's own comes on top."""
+    position: float = pose_covariance[0, 0] + pose_covariance[1, 1]
+    heading: float = pose_covariance[2, 2]
+    square = sighting.range_m * sighting.range_m
+    swing = 2.0 * abs(sighting.range_m) * math.sqrt(heading * position)
+    return position + swing + sighting.rr + square * (heading + sighting.bb)
 
 
 @kernel
@@ -111,20 +106,20 @@ def best_landmark(
     tuning: Tuning,
     bound: float,
 ) -> tuple[int, float, Moments, int, float, int]:
-    """The likeliest free landmark by (4), its squared distance and prediction; then, over all landmarks, the likeliest and the
-    least squared distance; and how many likelihoods that took. -1 stands for none.
+    """The likeliest free landmark by (4), its squared distance and prediction; then, over all landmarks, the
+    likeliest and the least squared distance; and how many likelihoods that took. -1 stands for none.
     """
     sensor_x, sensor_y, heading = sensor_pose(pose, mount)
     x = sensor_x + sighting.range_m * math.cos(heading + sighting.bearing_rad)
     y = sensor_y + sighting.range_m * math.sin(heading + sighting.bearing_rad)
-    radius = reach(covariance, sighting, bound)
+    variance = largest_variance(covariance, sighting)
     free, free_distance, free_log = -1, math.inf, -math.inf
     free_moments = Moments(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     likeliest, likeliest_log, least, evaluated = -1, -math.inf, math.inf, 0
     for index in range(candidates.shape[0]):
         if tuning.range_gate:
             dx, dy = candidates[index, 0] - x, candidates[index, 1] - y
-            if dx * dx + dy * dy > radius + bound * (candidates[index, 2] + candidates[index, 4]):
+            if dx * dx + dy * dy > bound * (variance + candidates[index, 2] + candidates[index, 4]):
                 continue
         moments = moments_of(pose, covariance, root, mount, candidates[index], sighting, tuning)
         evaluated += 1
@@ -243,8 +238,8 @@ def associate_simultaneously(
 ) -> int:
     """The printed form of (4): every feature takes its likeliest landmark as seen from the predicted pose.
 
-    With exclusivity the likeliest claim keeps a landmark and the other features count as new. Fills chosen (K,), returns the
-    number of likelihoods.
+    With exclusivity the likeliest claim keeps a landmark and the other features count as new. Fills chosen (K,),
+    returns the number of likelihoods.
     """
     count = features.shape[0]
     used = np.zeros(candidates.shape[0], dtype=np.bool_)

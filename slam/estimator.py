@@ -154,7 +154,9 @@ class Estimator:
         }
 
     def _chain_hash(self, outcome: ScanOutcome) -> None:
-        """Fold what this scan changed into the hash: poses, weights, generator, the best map in view, the joint Gaussian."""
+        """Fold what this scan changed into the hash: poses, weights, generator, the best map in view, the joint
+        Gaussian.
+        """
         particles = self._particles
         digest = hashlib.blake2b(self._hash, digest_size=16)
         for array in (particles.poses, particles.log_weights, outcome.matches, *particles.map_in_view()):

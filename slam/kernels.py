@@ -1,7 +1,8 @@
 """One scan in all particles: predict, associate, sample, weight, update, existence; compiled as one loop.
 
 Features come as rows (K, 6): range m, bearing rad, covariance rr, rb, bb, and 1 where a new landmark is licensed.
-The sight line is the scan itself, (3 + N,): first bearing, bearing step, range of no return, then N ranges; N = 0 where there is no scan.
+The sight line is the scan itself, (3 + N,): first bearing, bearing step, range of no return, then N ranges; N = 0
+where there is no scan.
 """
 
 import math
@@ -51,7 +52,9 @@ TALLIES = 5
 
 @kernel
 def predict(pose: FloatArray, covariance: FloatArray, increment: FloatArray, increment_covariance: FloatArray) -> None:
-    """Move an exactly known pose (3,) by the increment (3,) in place; covariance (3, 3) becomes the increment's, turned."""
+    """Move an exactly known pose (3,) by the increment (3,) in place; covariance (3, 3) becomes the increment's,
+    turned.
+    """
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     pose[0] += cosine * increment[0] - sine * increment[1]
     pose[1] += sine * increment[0] + cosine * increment[1]
@@ -111,7 +114,8 @@ def gather(
 ) -> tuple[FloatArray, IntArray, ShortArray, int]:
     """Copies of this particle's landmarks in the slots that lie within a radius of (x, y); below zero: all of them.
 
-    Returns numbers (C, 6), identities (C,), (slot, place) (C, 2), and how many of the pages are shared with other particles.
+    Returns numbers (C, 6), identities (C,), (slot, place) (C, 2), and how many of the pages are shared with other
+    particles.
     """
     total, shared = 0, 0
     for index in range(slot_count):
@@ -183,9 +187,10 @@ def step_particles(
 ) -> int:
     """Step particles first .. M-1 by one scan; everything is changed in place.
 
-    poses (M, 3), log_weights (M,), normals (M, 3), mount (3,), matches (M, K) landmark identity or verdict, tallies (5,).
-    order (K,): features by range, nearest first. new_identities (K,): names of landmarks that these features may create.
-    Returns M, or the particle that found too little free room in `pages`: enlarge them by tallies[4] and go on there.
+    poses (M, 3), log_weights (M,), normals (M, 3), mount (3,), matches (M, K) landmark identity or verdict, tallies
+    (5,). order (K,): features by range, nearest first. new_identities (K,): names of landmarks that these features
+    may create. Returns M, or the particle that found too little free room in `pages`: enlarge them by tallies[4] and
+    go on there.
     """
     count = features.shape[0]
     slots = np.empty(max(pages.tally[USED_SLOTS], 1), dtype=np.int32)
@@ -248,7 +253,9 @@ def step_particles(
                 tallies[MATCHED] += 1
         if tuning.existence:
             for index in range(candidates.shape[0]):
-                if not changed[index] and in_clear_view(candidates[index, 0], candidates[index, 1], sensor, sight, tuning):
+                if changed[index]:
+                    continue
+                if in_clear_view(candidates[index, X], candidates[index, Y], sensor, sight, tuning):
                     candidates[index, LOG_ODDS] -= tuning.log_odds_missed
                     changed[index] = True
         write_back(pages, particle, candidates, places, changed)

@@ -101,4 +101,4 @@ class LandmarkStore:
         """Memory of the pages in use and of the tables."""
         pages = self.pages.filled.size - int(self.pages.tally[FREE_PAGES])
         page_bytes = self.pages.numbers[0].nbytes + self.pages.identity[0].nbytes + 12
-        return pages * page_bytes + self.pages.table.nbytes + self.pages.overflow.nbytes + self.pages.grid.nbytes
+        return int(pages * page_bytes + self.pages.table.nbytes + self.pages.overflow.nbytes + self.pages.grid.nbytes)

@@ -65,8 +65,8 @@ def accumulate(
     """Carry mean (3,), covariance (3, 3) and tracks (1 + s, 3) through segments (n, 9), all in place.
 
     Augments (pose, control noise), n = 5, and pushes 11 points through the motion for every segment (method, step 1).
-    geometries (1 + s, 7): the nominal one and s copies with one constant moved by its standard deviation each; tracks are
-    the poses that follow from them: an error that is the same in every segment adds up and does not average out.
+    geometries (1 + s, 7): the nominal one and s copies with one constant moved by its standard deviation each; tracks
+    are the poses that follow from them: an error that is the same in every segment adds up and does not average out.
     """
     points = np.empty((11, 5))
     images = np.empty((11, 3))

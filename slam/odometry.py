@@ -3,14 +3,13 @@
 The increment is expressed in the body frame at the previous scan, so that it is the same for every particle.
 """
 
-import math
 from collections import deque
 from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.measurements import WheelSample
+from drivers.measurements import SpeedSteering, SpeedYawRate, WheelSample
 from slam.motion import ARC, DIFFERENTIAL, RATES, STEERED, accumulate, arc
 from slam.odometry_settings import OdometrySettings
 from slam.pose import Pose2
@@ -18,6 +17,8 @@ from slam.unscented import UnscentedSettings, unscented_weights
 from slam.wheel_segments import SAMPLE_KIND, Cursor, Segmenter, Segments
 
 FloatArray = NDArray[np.float64]
+FARTHEST = 1e12  # counts or metres beyond which a total is garbage
+STEEPEST_RAD = 1.4
 MODELS = {"differential": DIFFERENTIAL, "steered": STEERED, "speed_yaw_rate": RATES, "pose": ARC}
 
 
@@ -61,11 +62,11 @@ class Odometry:
         self.refused: dict[str, int] = {"wheel_stamps": 0, "wheel_values": 0, "wheel_kinds": 0, "wheel_jumps": 0}
 
     def add(self, wheels: tuple[WheelSample, ...]) -> None:
-        """Queue new samples; those out of order, not finite or of another kind are refused and counted."""
+        """Queue new samples; those out of order, not plausible or of another kind are refused and counted."""
         for sample in wheels:
             if not isinstance(sample, self._kind):
                 self.refused["wheel_kinds"] += 1
-            elif not all(math.isfinite(value) for value in astuple(sample)[1:]):
+            elif not self._plausible(sample):
                 self.refused["wheel_values"] += 1
             elif self._newest_ns is not None and sample.stamp_ns <= self._newest_ns:
                 self.refused["wheel_stamps"] += 1
@@ -88,6 +89,17 @@ class Odometry:
         """The increment from the last stamp taken to this one; nothing is consumed."""
         segments, _, _ = self._segmenter.until(self._cursor, self._queue, stamp_ns)
         return self._integrate(segments, stamp_ns)[0]
+
+    def _plausible(self, sample: WheelSample) -> bool:
+        """True for finite numbers that a vehicle can have."""
+        if not all(abs(value) < FARTHEST for value in astuple(sample)[1:]):
+            return False
+        if isinstance(sample, SpeedSteering):
+            return abs(sample.speed_mps) <= self._settings.max_speed_mps and abs(sample.steering_rad) < STEEPEST_RAD
+        if isinstance(sample, SpeedYawRate):
+            limit = self._settings.max_yaw_rate_radps
+            return abs(sample.speed_mps) <= self._settings.max_speed_mps and abs(sample.yaw_rate_radps) <= limit
+        return True
 
     def _integrate(self, segments: Segments, stamp_ns: int) -> tuple[Increment, Pose2]:
         """Increment, and the same motion without any noise for dead reckoning."""
@@ -141,7 +153,11 @@ def _geometries(settings: OdometrySettings) -> FloatArray:
     )
     if settings.model != "differential":
         return nominal[np.newaxis]
-    uncertain = ((0, settings.tread_uncertainty * settings.tread_m), (5, settings.radius_uncertainty), (6, settings.radius_uncertainty))
+    uncertain = (
+        (0, settings.tread_uncertainty * settings.tread_m),
+        (5, settings.radius_uncertainty),
+        (6, settings.radius_uncertainty),
+    )
     rows = [nominal]
     for constant, deviation in uncertain:
         if deviation > 0.0:

@@ -1,8 +1,8 @@
 """Landmarks of all particles in copy-on-write pages, one page per particle and cell of the plane.
 
-A page holds up to PAGE_LANDMARKS landmarks. A table [particle, slot] holds page numbers (-1: none); a slot stands for a cell,
-or for more room in a cell that is full (`overflow` links to it). Particles share pages until one of them writes.
-Every function that writes goes through `writable`, so that a particle never sees another's writes.
+A page holds up to PAGE_LANDMARKS landmarks. A table [particle, slot] holds page numbers (-1: none); a slot stands for
+a cell, or for more room in a cell that is full (`overflow` links to it). Particles share pages until one of them
+writes. Every function that writes goes through `writable`, so that a particle never sees another's writes.
 """
 
 import math
@@ -27,9 +27,9 @@ NONE = -1
 class Pages(NamedTuple):
     """All arrays of the store.
 
-    numbers (P, 6, 8): mean x, y m, covariance xx, xy, yy m^2, existence log-odds; identity (P, 8); filled, references (P,);
-    table (M, S) page of a slot; overflow (S,) next slot of the same cell; grid (I, J) first slot of a cell; origin (2,)
-    cell coordinates of grid[0, 0]; free (P,) stack of unused pages; tally (2,) free pages and used slots.
+    numbers (P, 6, 8): mean x, y m, covariance xx, xy, yy m^2, existence log-odds; identity (P, 8); filled, references
+    (P,); table (M, S) page of a slot; overflow (S,) next slot of the same cell; grid (I, J) first slot of a cell;
+    origin (2,) cell coordinates of grid[0, 0]; free (P,) stack of unused pages; tally (2,) free pages and used slots.
     """
 
     numbers: FloatArray
@@ -67,7 +67,7 @@ def release(pages: Pages, page: int) -> None:
 def take_free(pages: Pages) -> int:
     """An unused page with one reference and no landmarks; the caller has made sure that there is one."""
     pages.tally[FREE_PAGES] -= 1
-    page = pages.free[pages.tally[FREE_PAGES]]
+    page: int = pages.free[pages.tally[FREE_PAGES]]
     pages.references[page] = 1
     pages.filled[page] = 0
     return page
@@ -76,7 +76,7 @@ def take_free(pages: Pages) -> int:
 @kernel
 def writable(pages: Pages, particle: int, slot: int) -> int:
     """The page of this particle and slot, its own from now on: copied first where it was shared, made where absent."""
-    page = pages.table[particle, slot]
+    page: int = pages.table[particle, slot]
     if page == NONE:
         page = take_free(pages)
         pages.table[particle, slot] = page

@@ -1,8 +1,8 @@
 """Three proposals behind one seam: what a landmark will look like from an uncertain pose.
 
-Both forms answer with the moments of the measurement (range, bearing): its mean, its covariance S including the sensor's
-noise, and its cross covariance C with the pose. From there on all proposals share one update. The motion proposal
-(FastSLAM 1.0) samples the pose first, so that its pose covariance is zero here.
+Both forms answer with the moments of the measurement (range, bearing): its mean, its covariance S including the
+sensor's noise, and its cross covariance C with the pose. From there on all proposals share one update. The motion
+proposal (FastSLAM 1.0) samples the pose first, so that its pose covariance is zero here.
 """
 
 import math
@@ -109,8 +109,9 @@ def unscented_moments(
 ) -> Moments:
     """By 11 sigma points of (pose, landmark), n = 5: root (3, 3) is the lower square root of the pose covariance.
 
-    All deviations e_i are taken from the centre's own image, so that bearings wrap about it. With s = w sum e_i the mean is
-    s and S = w sum e_i e_i^T + spread s s^T, spread = beta - alpha^2: that is what the centre's two weights (8) leave over.
+    All deviations e_i are taken from the centre's own image, so that bearings wrap about it. With s = w sum e_i the
+    mean is s and S = w sum e_i e_i^T + spread s s^T, spread = beta - alpha^2: that is what the centre's two weights
+    (8) leave over.
     """
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = landmark[0] - pose[0], landmark[1] - pose[1]

@@ -16,11 +16,15 @@ class QualitySettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    uncertain_m: float = Field(default=1.0, gt=0, le=100, description="m; standard deviation of the position, larger axis")
+    uncertain_m: float = Field(
+        default=1.0, gt=0, le=100, description="m; standard deviation of the position, larger axis"
+    )
     lost_m: float = Field(default=5.0, gt=0, le=1000, description="m; the same")
     uncertain_blind_s: float = Field(default=1.0, gt=0, le=100, description="s without a scan")
     lost_blind_s: float = Field(default=10.0, gt=0, le=1000, description="s without a scan")
-    uncertain_gap_m: float = Field(default=1.5, gt=0, le=100, description="m between particles and joint Gaussian beyond 3 sigma of it")
+    uncertain_gap_m: float = Field(
+        default=1.5, gt=0, le=100, description="m between particles and joint Gaussian beyond 3 sigma of it"
+    )
 
 
 def judge(settings: QualitySettings, covariance: FloatArray, gap_m: float, blind_s: float) -> Quality:

@@ -17,7 +17,7 @@ def normalised(log_weights: FloatArray) -> FloatArray:
     if not np.isfinite(peak):
         return np.full(log_weights.size, 1.0 / log_weights.size)
     weights = np.exp(usable - peak)
-    return weights / weights.sum()
+    return np.asarray(weights / weights.sum())
 
 
 def effective_particles(weights: FloatArray) -> float:
@@ -54,7 +54,9 @@ def parents_in_place(copies: IntArray) -> IntArray:
 
 @kernel
 def adopt_maps(pages: Pages, parents: IntArray) -> None:
-    """Give every particle that has another parent that parent's map. Survivors' maps are only read, so order is free."""
+    """Give every particle that has another parent that parent's map. Survivors' maps are only read, so order is
+    free.
+    """
     for particle in range(parents.size):
         if parents[particle] != particle:
             adopt_row(pages, particle, parents[particle])

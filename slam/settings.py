@@ -23,7 +23,9 @@ class TechniqueSettings(BaseModel):
 
     difference: bool = Field(default=True, description="keep only what an earlier scan saw as well (III-A-1)")
     sparse: bool = Field(default=True, description="minimum spacing of features (III-A-2)")
-    density: bool = Field(default=True, description="threshold by distance to the neighbouring landmark (5); off: fixed gate")
+    density: bool = Field(
+        default=True, description="threshold by distance to the neighbouring landmark (5); off: fixed gate"
+    )
     existence: bool = Field(default=True, description="log-odds per landmark and removal (6)")
     exclusivity: bool = Field(default=True, description="one feature per landmark and scan (III-B-2)")
     range: bool = Field(default=True, description="likelihoods only for landmarks that can be in view (III-B-3)")
@@ -49,33 +51,56 @@ class ViewSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     range_max_m: float = Field(default=30.0, gt=0, le=500, description="m; features farther away are not used")
-    range_margin_m: float = Field(default=3.0, ge=0, le=50, description="m added where candidates are gathered: landmarks move a little")
-    missed_range_m: float = Field(default=25.0, ge=0, le=500, description="m up to which an unseen landmark counts as missed")
+    range_margin_m: float = Field(
+        default=3.0, ge=0, le=50, description="m added where candidates are gathered: landmarks move a little"
+    )
+    missed_range_m: float = Field(
+        default=25.0, ge=0, le=500, description="m up to which an unseen landmark counts as missed"
+    )
     missed_bearing_rad: float = Field(
         default=math.radians(130.0), ge=0, le=math.pi, description="rad to either side; 5 deg inside the sensor's edge"
     )
-    sight_margin_m: float = Field(default=0.5, ge=0, le=10, description="m behind a landmark that beams must pass to count as clear view")
-    sight_half_width_m: float = Field(default=0.3, ge=0, le=5, description="m to either side of a landmark that must be clear as well")
+    sight_margin_m: float = Field(
+        default=0.5, ge=0, le=10, description="m behind a landmark that beams must pass to count as clear view"
+    )
+    sight_half_width_m: float = Field(
+        default=0.3, ge=0, le=5, description="m to either side of a landmark that must be clear as well"
+    )
 
 
 class AssociationSettings(BaseModel):
-    """Which feature is which landmark. Bounds are log-likelihoods relative to their peak: minus half the squared distance."""
+    """Which feature is which landmark. Bounds are log-likelihoods relative to their peak: minus half the squared
+    distance.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     strategy: Literal["sequential", "simultaneous", "known"] = Field(
-        default="sequential", description="nearest first with the pose updated between, or the printed form, or by reported identity"
+        default="sequential",
+        description="nearest first with the pose updated between, or the printed form, or by reported identity",
     )
     match_base: float = Field(default=-3.0, ge=-50, le=0, description="M_c of (5): squared distance 6, the 95 % gate")
     match_per_metre: float = Field(default=0.6, ge=0, le=10, description="K of (5), 1/m")
-    match_floor: float = Field(default=-8.0, ge=-100, le=0, description="least M_th: without it a lonely landmark accepts anything")
-    match_fixed: float = Field(default=-4.605, ge=-100, le=0, description="bound without the density technique: the 99 % gate")
-    match_known: float = Field(default=-25.0, ge=-1000, le=0, description="bound for known identities; a sensor misreads a few")
+    match_floor: float = Field(
+        default=-8.0, ge=-100, le=0, description="least M_th: without it a lonely landmark accepts anything"
+    )
+    match_fixed: float = Field(
+        default=-4.605, ge=-100, le=0, description="bound without the density technique: the 99 % gate"
+    )
+    match_known: float = Field(
+        default=-25.0, ge=-1000, le=0, description="bound for known identities; a sensor misreads a few"
+    )
     create_distance: float = Field(
-        default=16.0, ge=0, le=1e6, description="squared distance to every landmark below which a feature creates none (with density)"
+        default=16.0,
+        ge=0,
+        le=1e6,
+        description="squared distance to every landmark below which a feature creates none (with density)",
     )
     log_unmatched: float = Field(
-        default=-7.0, ge=-50, le=10, description="log-likelihood p0 of a feature that matches nothing: one per some hundred m rad in view"
+        default=-7.0,
+        ge=-50,
+        le=10,
+        description="log-likelihood p0 of a feature that matches nothing: one per some hundred m rad in view",
     )
 
 
@@ -87,7 +112,9 @@ class ExistenceSettings(BaseModel):
     new: float = Field(default=0.6, ge=-10, le=20, description="log-odds of a landmark seen once")
     seen: float = Field(default=1.0, ge=0, le=20, description="added when it is seen")
     missed: float = Field(default=0.7, ge=0, le=20, description="taken away when it should have been seen and was not")
-    highest: float = Field(default=6.0, ge=0, le=100, description="bound, so that a thing that went away is forgotten in time")
+    highest: float = Field(
+        default=6.0, ge=0, le=100, description="bound, so that a thing that went away is forgotten in time"
+    )
     remove: float = Field(default=-1.0, ge=-50, le=10, description="a landmark below this is removed")
 
 
@@ -97,8 +124,12 @@ class SlamSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     particles: int = Field(default=100, ge=1, le=100_000, description="number of particles; 30 to 100 suffice")
-    proposal: Literal["motion", "ekf", "unscented"] = Field(default="unscented", description="where poses are sampled from")
-    resample_share: float = Field(default=0.3, ge=0, le=1, description="resample when the effective number falls below this share")
+    proposal: Literal["motion", "ekf", "unscented"] = Field(
+        default="unscented", description="where poses are sampled from"
+    )
+    resample_share: float = Field(
+        default=0.3, ge=0, le=1, description="resample when the effective number falls below this share"
+    )
     cell_m: float = Field(default=15.0, gt=0.5, le=200, description="m; edge of the cells that landmarks are kept in")
     map_every: int = Field(default=10, ge=1, le=100_000, description="the map goes with every so many-th estimate")
     mount: MountSettings = Field(default_factory=MountSettings)

@@ -8,8 +8,8 @@ from slam.unscented import UnscentedWeights
 class Tuning(NamedTuple):
     """Settings of the filter in the form that compiled code takes; slam.settings says what each one means.
 
-    Log likelihoods are natural logarithms; bounds on a match are logarithms of the likelihood over its own peak, that is
-    minus half the squared Mahalanobis distance.
+    Log likelihoods are natural logarithms; bounds on a match are logarithms of the likelihood over its own peak, that
+    is minus half the squared Mahalanobis distance.
     """
 
     proposal: int

@@ -22,7 +22,9 @@ class UnscentedSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     alpha: float = Field(default=0.9, gt=0, le=2, description="spread; 0.9 is what the published code runs with")
-    beta: float = Field(default=2.0, ge=0, le=10, description="weight of the centre in the covariance; 2 is right for a Gaussian")
+    beta: float = Field(
+        default=2.0, ge=0, le=10, description="weight of the centre in the covariance; 2 is right for a Gaussian"
+    )
     kappa: float = Field(default=0.0, ge=-2.9, le=10, description="second scale; 0 as published")
 
 

@@ -14,6 +14,8 @@ from slam.pose import wrap_rad
 
 FloatArray = NDArray[np.float64]
 NANOSECOND_S = 1e-9
+LONGEST_S = 60.0  # after a minute without wheels the rover is lost, and more variance says nothing more
+SHORTEST_S = 0.02  # counts that arrive in a bunch are not a jump
 SAMPLE_KIND = {
     "differential": WheelCounts,
     "steered": SpeedSteering,
@@ -26,14 +28,15 @@ SAMPLE_KIND = {
 class Cursor:
     """How far the samples have been used.
 
-    now_ns: end of the last segment, None before the first. sample: the last one used, moved on to now_ns if now lies
-    between two samples. sample_ns: when it was really measured. rate: controls per second (counts and poses).
-    lost: True while the wheels say that they do not know.
+    now_ns: end of the last segment, None before the first. measured: the last sample, as the wheels gave it.
+    sample: the same moved on to now_ns if now lies between two samples, so that what an extrapolation got wrong is
+    made up for by the next one. rate: controls per second (counts and poses). lost: True while the wheels say that they
+    do not know.
     """
 
     now_ns: int | None = None
+    measured: WheelSample | None = None
     sample: WheelSample | None = None
-    sample_ns: int = 0
     rate: tuple[float, float, float] = (0.0, 0.0, 0.0)
     lost: bool = False
 
@@ -86,27 +89,26 @@ class Segmenter:
         if isinstance(sample, WheelCounts) and not sample.valid:
             return replace(cursor, lost=True, now_ns=cursor.now_ns or sample.stamp_ns), False, 0
         stamp_ns = sample.stamp_ns
-        fresh = Cursor(stamp_ns, sample, stamp_ns, cursor.rate)
+        fresh = Cursor(stamp_ns, sample, sample, cursor.rate)
         if cursor.now_ns is None:
             return fresh, True, 0
         duration = (stamp_ns - cursor.now_ns) * NANOSECOND_S
-        if cursor.sample is None:
+        if cursor.sample is None or cursor.measured is None:
             rows.append(self._unknown(duration))
             return fresh, False, 0
-        silence = (stamp_ns - cursor.sample_ns) * NANOSECOND_S
+        silence = (stamp_ns - cursor.measured.stamp_ns) * NANOSECOND_S
         gap = silence if cursor.lost or silence > self._settings.gap_s else 0.0
         if not self._integrated:
             held = min(duration, max(0.0, self._settings.gap_s - silence + duration))
             rows.append(self._held(cursor.sample, held))
             rows.append(self._unknown(duration - held))
             return fresh, duration - held <= 0.0, 0
-        motion = self._difference(cursor.sample, sample)
-        if max(abs(motion[0]), abs(motion[1])) > self._settings.max_speed_mps * max(silence, 0.02):
+        whole = self._difference(cursor.measured, sample)
+        if max(abs(whole[0]), abs(whole[1])) > self._settings.max_speed_mps * max(silence, SHORTEST_S):
             rows.append(self._unknown(duration))
-            return Cursor(stamp_ns, sample, stamp_ns), False, 1
-        rows.append(self._moved(duration, motion, gap))
-        rate = (motion[0] / duration, motion[1] / duration, motion[2] / duration) if duration > 0.0 else cursor.rate
-        return replace(fresh, rate=rate), gap == 0.0, 0
+            return Cursor(stamp_ns, sample, sample), False, 1
+        rows.append(self._moved(duration, self._difference(cursor.sample, sample), gap))
+        return replace(fresh, rate=(whole[0] / silence, whole[1] / silence, whole[2] / silence)), gap == 0.0, 0
 
     def _past_samples(
         self, cursor: Cursor, following: WheelSample | None, stamp_ns: int, rows: list[tuple[float, ...]]
@@ -115,17 +117,16 @@ class Segmenter:
         assert cursor.now_ns is not None
         duration = (stamp_ns - cursor.now_ns) * NANOSECOND_S
         settings = self._settings
-        if cursor.sample is None or cursor.lost:
+        if cursor.sample is None or cursor.measured is None or cursor.lost:
             rows.append(self._unknown(duration))
             return replace(cursor, now_ns=stamp_ns), False
-        since = (cursor.now_ns - cursor.sample_ns) * NANOSECOND_S
+        since = (cursor.now_ns - cursor.measured.stamp_ns) * NANOSECOND_S
         if not self._integrated:
             held = min(duration, max(0.0, settings.gap_s - since))
             rows.append(self._held(cursor.sample, held))
             rows.append(self._unknown(duration - held))
             return replace(cursor, now_ns=stamp_ns), held == duration
-        usable = following is not None and not (isinstance(following, WheelCounts) and not following.valid)
-        if usable and following is not None and (following.stamp_ns - cursor.sample_ns) * NANOSECOND_S <= settings.gap_s:
+        if following is not None and self._bridges(cursor.measured, following):
             fraction = (stamp_ns - cursor.now_ns) / (following.stamp_ns - cursor.now_ns)
             motion = self._difference(cursor.sample, following)
             motion = (motion[0] * fraction, motion[1] * fraction, motion[2] * fraction)
@@ -137,6 +138,12 @@ class Segmenter:
         rows.append(self._unknown(duration - carried))
         moved = self._moved_sample(cursor.sample, motion, stamp_ns)
         return replace(cursor, now_ns=stamp_ns, sample=moved), carried == duration
+
+    def _bridges(self, measured: WheelSample, following: WheelSample) -> bool:
+        """True where the motion up to the next sample is known well enough to be interpolated."""
+        if isinstance(following, WheelCounts) and not following.valid:
+            return False
+        return (following.stamp_ns - measured.stamp_ns) * NANOSECOND_S <= self._settings.gap_s
 
     def _difference(self, before: WheelSample, after: WheelSample) -> tuple[float, float, float]:
         """(left m, right m, 0) between counts; (distance m, turn rad, lateral m) of the arc between poses."""
@@ -169,8 +176,10 @@ class Segmenter:
 
     def _unknown(self, duration: float) -> tuple[float, ...]:
         """Nothing is known of this time: no motion, and a variance that says so."""
-        distance = (self._settings.gap_speed_mps * duration) ** 2
-        return (duration, 0.0, 0.0, 0.0, 0.0, 0.0, distance, 0.0, (self._settings.gap_yaw_rate_radps * duration) ** 2)
+        blind = min(duration, LONGEST_S)
+        distance = (self._settings.gap_speed_mps * blind) ** 2
+        heading = (self._settings.gap_yaw_rate_radps * blind) ** 2
+        return (duration, 0.0, 0.0, 0.0, 0.0, 0.0, distance, distance, heading)
 
     def _held(self, sample: WheelSample, duration: float) -> tuple[float, ...]:
         """A speed held for a while; without any noise when the wheels stand still."""
@@ -201,9 +210,10 @@ class Segmenter:
             rolled = math.hypot(first, lateral)
             variances = (slip * rolled, settings.heading_rad_per_sqrt_rad**2 * abs(second))
         sideways, heading = self._floors(rolled)
-        forward = (settings.gap_speed_mps * gap) ** 2
-        heading += (settings.gap_yaw_rate_radps * gap) ** 2
-        return (duration, first, second, lateral, *variances, forward, sideways, heading)
+        blind = min(gap, LONGEST_S)
+        forward = (settings.gap_speed_mps * blind) ** 2
+        heading += (settings.gap_yaw_rate_radps * blind) ** 2
+        return (duration, first, second, lateral, *variances, forward, sideways + forward, heading)
 
     def _floors(self, rolled_m: float) -> tuple[float, float]:
         """Variances sideways m^2 and of the heading rad^2 that grow with the distance rolled."""
