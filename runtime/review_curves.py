@@ -9,7 +9,15 @@ from runtime.review_moments import Moment
 from slam.estimate import Estimate
 from slam.pose import Pose2
 
-COUNTS = ("features", "matched", "created", "removed", "landmarks", "effective_particles")
+PLOTS = {
+    "effective_particles": "filter",
+    "features": "filter",
+    "matched": "filter",
+    "landmarks": "map",
+    "created": "map",
+    "removed": "map",
+}
+"""On which plot a figure of the estimate stands; others are not drawn."""
 
 
 def draw_curves(columns: ReviewColumns, moment: Moment) -> None:
@@ -35,8 +43,8 @@ def _draw_ages(columns: ReviewColumns, moment: Moment) -> None:
 
 def _draw_filter(columns: ReviewColumns, estimate: Estimate) -> None:
     for name, value in estimate.counts.items():
-        if name in COUNTS:
-            columns.scalar(f"plots/filter/{name}", value)
+        if name in PLOTS:
+            columns.scalar(f"plots/{PLOTS[name]}/{name}", value)
         elif "innovation" in name:
             columns.scalar(f"plots/innovation/{name}", value)
 

@@ -29,11 +29,12 @@ NEW: Color = (90, 255, 220)
 
 VERDICTS: dict[int, tuple[str, Color]] = {
     MatchVerdict.NEW: ("new", NEW),
-    MatchVerdict.UNLICENSED: ("no landmark made: not seen before (difference)", (255, 130, 100)),
-    MatchVerdict.AMBIGUOUS: ("ambiguous (density)", (255, 90, 170)),
-    MatchVerdict.EXCLUDED: ("landmark taken by another feature (exclusivity)", (255, 90, 90)),
-    MatchVerdict.OUT_OF_RANGE: ("out of range (range)", (150, 150, 165)),
+    MatchVerdict.UNLICENSED: ("refused: difference", (255, 130, 100)),
+    MatchVerdict.AMBIGUOUS: ("refused: density", (255, 90, 170)),
+    MatchVerdict.EXCLUDED: ("refused: exclusivity", (255, 90, 90)),
+    MatchVerdict.OUT_OF_RANGE: ("refused: range", (150, 150, 165)),
 }
+"""What a feature that was not matched is called and drawn in; a refusal names the technique."""
 
 CURVES: dict[str, Color] = {
     "plots/error/SLAM_m": SLAM,
@@ -43,11 +44,16 @@ CURVES: dict[str, Color] = {
     "plots/timing/step_ms": SLAM,
     "plots/timing/read_ms": (150, 150, 165),
     "plots/filter/effective_particles": PARTICLES,
-    "plots/filter/landmarks": SURE,
+    "plots/map/landmarks": SURE,
+    "plots/map/created": TRUTH,
+    "plots/map/removed": MOVED,
+    "plots/filter/features": (150, 150, 165),
     "plots/filter/matched": TRUTH,
     "plots/sensors/laser_age_ms": KEPT,
     "plots/sensors/wheels_age_ms": ODOMETRY,
 }
+
+AROUND_M = 18.0  # from where the view around the rover shows 9 m to either side
 
 LEGEND = """\
 # How to read this run
@@ -124,8 +130,8 @@ def draw_static(recording: rr.RecordingStream, facts: dict[str, str], sigmas: fl
     ):
         line = rr.LineStrips3D.from_fields(colors=[color], radii=rr.Radius.ui_points(size))
         recording.log(path, line, static=True)
-    for path in ("map/association/new_and_refused", "map/landmarks"):
-        style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(4.0), show_labels=False)
+    for path, labels in (("map/association/new_and_refused", True), ("map/landmarks", False)):
+        style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(3.0), show_labels=labels)
         recording.log(path, style, static=True)
     for path, colors in (("map/landmarks/covariances", None), ("map/pose_covariance", [(*SLAM, 70)])):
         disc = rr.Ellipsoids3D.from_fields(fill_mode="solid", colors=colors)
@@ -160,20 +166,24 @@ def layout(extent: Extent, with_truth: bool) -> rrb.Blueprint:
         overrides=_whole_paths(),
     )
     around = rrb.Spatial3DView(
-        name="around the rover: features and what became of them",
+        name="around the rover: what became of each feature",
         origin="map/rover",
         contents=["map/**"],
-        eye_controls=_from_above((0.0, 0.0, 0.0), 24.0),
-        line_grid=_grid(24.0),
+        eye_controls=_from_above((0.0, 0.0, 0.0), AROUND_M),
+        line_grid=_grid(AROUND_M),
         background=(14, 16, 20),
         overrides=_whole_paths(),
     )
-    error = "position error and 2 sigma (m)" if with_truth else "2 sigma of the position (m)"
+    error = "error (m): SLAM blue, odometry orange" if with_truth else "2 sigma of the position (m)"
     plots = rrb.Grid(
         _plot(error, "plots/error"),
-        _plot("filter", "plots/filter"),
-        _plot("loop (ms)", "plots/timing"),
-        _plot("age of the newest sample (ms)", "plots/sensors"),
+        _plot("effective particles, matched green", "plots/filter"),
+        _plot("loop (ms): step blue, late yellow", "plots/timing"),
+        rrb.Tabs(
+            _plot("age (ms): laser, wheels", "plots/sensors"),
+            _plot("landmarks", "plots/map"),
+            _plot("innovation", "plots/innovation"),
+        ),
         grid_columns=2,
     )
     words = rrb.Tabs(
@@ -219,4 +229,5 @@ def _event_columns() -> Any:
 
 
 def _plot(name: str, origin: str) -> Any:
-    return rrb.TimeSeriesView(name=name, origin=origin, plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop))
+    """Without a legend, which would hide the curves: the title says what is what, and so does hovering."""
+    return rrb.TimeSeriesView(name=name, origin=origin, plot_legend=rrb.PlotLegend(visible=False))

@@ -160,9 +160,7 @@ class ReviewWriter:
         for verdict, path in LASER_PATHS.items():
             self._columns.points(path, points_m[verdicts[returned] == verdict])
         if self._drawn % self._settings.trace_every == 0:
-            trace_m = points_m[verdicts[returned] == BeamVerdict.KEPT][::TRACE_STEP]
-            self._columns.points("map/laser/trace", trace_m)
-            self._extent = self._extent.with_points(trace_m)
+            self._columns.points("map/laser/trace", points_m[verdicts[returned] == BeamVerdict.KEPT][::TRACE_STEP])
 
     def _draw_association(self, features: Features, matches: NDArray[np.int64], motion: Motion) -> None:
         """A spoke from each matched feature to its landmark; a labelled point for each of the others."""
