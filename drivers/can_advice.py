@@ -26,6 +26,9 @@ def advice(bus: BusSettings, error: BaseException) -> str:
     """One sentence: which bus, what failed, what to type."""
     number = error_number(error)
     where = f"CAN bus {bus.interface} {bus.channel}"
+    if bus.interface not in can.VALID_INTERFACES:
+        known = ", ".join(sorted(can.VALID_INTERFACES))
+        return f"{where}: python-can has no such interface; set interface in [encoders.bus] to one of {known}"
     if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
         return f"{where}: python-can has no {bus.interface} here ({error}); pip install 'python-can[{bus.interface}]'"
     if number in NO_CAN_IN_KERNEL:

@@ -1,5 +1,6 @@
 """One wheel's messages in both directions: cantools does the bits, this file knows which signal means what."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,7 +110,7 @@ class FeedbackMessage:
             ),
         )
 
-    def encode(self, values: dict[str, float], stamp_ns: int = 0) -> CanFrame:
+    def encode(self, values: Mapping[str, float], stamp_ns: int = 0) -> CanFrame:
         """A frame with these raw signal values, absent ones 0, and its checksum."""
         raw = {signal.name: values.get(signal.name, 0) for signal in self._message.signals}
         data = bytearray(self._message.encode(raw, scaling=False, strict=False))
