@@ -40,7 +40,8 @@ def distance_to(
     rr, rb, bb = rr + feature[2], rb + feature[3], bb + feature[4]
     determinant = rr * bb - rb * rb
     range_gap, bearing_gap = feature[0] - slope.range_m, wrapped(feature[1] - slope.bearing_rad)
-    square = (bb * range_gap * range_gap - 2.0 * rb * range_gap * bearing_gap + rr * bearing_gap * bearing_gap) / determinant
+    square = bb * range_gap * range_gap - 2.0 * rb * range_gap * bearing_gap + rr * bearing_gap * bearing_gap
+    square /= determinant
     return square, -0.5 * (square + math.log(39.47841760435743 * determinant))
 
 
@@ -63,8 +64,8 @@ def associate(
 ) -> None:
     """Fill chosen (K,) with landmark numbers or verdicts.
 
-    mean (3 + 2 L,) and covariance are overwritten by the sequential update; nearest_m (L,) is each landmark's distance to
-    its nearest neighbour; features (K, 6): range, bearing, rr, rb, bb, licence.
+    mean (3 + 2 L,) and covariance are overwritten by the sequential update; nearest_m (L,) is each landmark's distance
+    to its nearest neighbour; features (K, 6): range, bearing, rr, rb, bb, licence.
     """
     landmarks = nearest_m.size
     used = np.zeros(landmarks, dtype=np.bool_)
@@ -116,8 +117,8 @@ def follow(
 ) -> None:
     """Fill chosen (K,) with the landmarks that somebody else told (K,), as far as they pass the gate.
 
-    told: an identity, or a verdict, which stands. An identity that is not among identities (L,) starts a landmark. mean and
-    covariance are overwritten by the sequential update.
+    told: an identity, or a verdict, which stands. An identity that is not among identities (L,) starts a landmark. mean
+    and covariance are overwritten by the sequential update.
     """
     used = np.zeros(identities.size, dtype=np.bool_)
     work = np.empty((2, mean.size))

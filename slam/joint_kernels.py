@@ -12,9 +12,13 @@ from numpy.typing import NDArray
 from slam.angles import wrapped
 from slam.compiled import kernel
 from slam.joint_measurement import project, slopes
+from slam.kernels import in_clear_view
+from slam.landmark_filter import sensor_pose
+from slam.tuning import Tuning
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 
 @kernel
@@ -62,7 +66,7 @@ def predict(
 
 @kernel
 def whiten(projected: FloatArray, innovation: FloatArray, gap: FloatArray) -> None:
-    """projected (m, n) and gap (m,) become L^-1 times themselves, where innovation (m, m) = L L^T is overwritten by L."""
+    """projected (m, n) and gap (m,) become L^-1 times themselves; innovation (m, m) = L L^T is overwritten by L."""
     m = gap.size
     for row in range(m):
         for column in range(row + 1):
@@ -181,8 +185,8 @@ def carry(covariance: FloatArray, n: int, turn: FloatArray) -> None:
     """Carry the covariance from the estimate before an update to the one after it: P + t p^T + p t^T + p_hh t t^T.
 
     A turn of the whole map is unobservable. Its direction in the state depends on the estimate; left where it was, the
-    filter would believe to have seen a part of it. In the invariant error nothing moves; in x, y, heading the rows follow
-    what every coordinate's displacement t makes of the heading's error (Barrau and Bonnabel 2015).
+    filter would believe to have seen a part of it. In the invariant error nothing moves; in x, y, heading the rows
+    follow what every coordinate's displacement t makes of the heading's error (Barrau and Bonnabel 2015).
     """
     heading = covariance[2, :n].copy()
     spread = heading[2]
@@ -235,6 +239,53 @@ def forget(mean: FloatArray, covariance: FloatArray, n: int, at: int) -> None:
     for row in range(2):
         for column in range(2):
             covariance[at + row, at + column] = covariance[last + row, last + column]
+
+
+@kernel
+def overdue(
+    mean: FloatArray,
+    places: IntArray,
+    seen: BoolArray,
+    log_odds: FloatArray,
+    mount: FloatArray,
+    sight: FloatArray,
+    tuning: Tuning,
+) -> None:
+    """Existence (6): raise the log-odds (k,) of landmarks that were seen, lower those that should have been, in place."""
+    sensor = sensor_pose(mean, mount)
+    for index in range(places.size):
+        at = places[index]
+        if seen[index]:
+            log_odds[index] = min(log_odds[index] + tuning.log_odds_seen, tuning.log_odds_max)
+        elif tuning.existence and in_clear_view(mean[at], mean[at + 1], sensor, sight, tuning):
+            log_odds[index] -= tuning.log_odds_missed
+
+
+@kernel
+def neighbour_distances(mean: FloatArray, n: int, places: IntArray) -> FloatArray:
+    """Distance m of each landmark at places (k,) to its nearest other one; inf where it is the only one."""
+    nearest = np.full(places.size, math.inf)
+    for index in range(places.size):
+        x, y = mean[places[index]], mean[places[index] + 1]
+        for at in range(3, n, 2):
+            dx, dy = mean[at] - x, mean[at + 1] - y
+            if at != places[index]:
+                nearest[index] = min(nearest[index], dx * dx + dy * dy)
+    root: FloatArray = np.sqrt(nearest)
+    return root
+
+
+@kernel
+def places_within(mean: FloatArray, n: int, x: float, y: float, radius_m: float) -> IntArray:
+    """Places of the landmarks nearer than a radius to a point."""
+    found = np.empty((n - 3) // 2, dtype=np.int64)
+    count = 0
+    for at in range(3, n, 2):
+        dx, dy = mean[at] - x, mean[at + 1] - y
+        if dx * dx + dy * dy <= radius_m * radius_m:
+            found[count] = at
+            count += 1
+    return found[:count]
 
 
 @kernel

@@ -85,9 +85,9 @@ def innovation_covariance(covariance: FloatArray, at: int, slope: Slopes) -> tup
 def fold(
     mean: FloatArray, covariance: FloatArray, at: int, slope: Slopes, feature: FloatArray, work: FloatArray
 ) -> None:
-    """One feature (range, bearing, rr, rb, bb, ...) of the landmark at `at` into mean (n,) and covariance (n, n), in place.
+    """Fold one feature (range, bearing, rr, rb, bb, ...) of the landmark at `at` into mean and covariance, in place.
 
-    work (2, n) is overwritten. The update is P - Y^T Y with Y the whitened projection, so P stays symmetric.
+    mean (n,), covariance (n, n); work (2, n) is overwritten. The update is P - Y^T Y with Y the whitened projection, so P stays symmetric.
     """
     project(covariance, at, slope, work)
     s_rr, s_rb, s_bb = innovation_covariance(covariance, at, slope)

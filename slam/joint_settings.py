@@ -6,9 +6,10 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class JointSettings(BaseModel):
-    """How the published pose, its covariance and the published map come about. Distances named _square are squared Mahalanobis distances.
+    """How the published pose, its covariance and the published map come about.
 
-    View and existence are the estimator's own, so that particles and joint Gaussian mean the same by a landmark.
+    Names that end in _square are squared Mahalanobis distances. View and existence are the estimator's own, so that
+    particles and joint Gaussian mean the same by a landmark.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -19,12 +20,24 @@ class JointSettings(BaseModel):
     jacobians: Literal["invariant", "first_estimates", "current"] = Field(
         "invariant", description="where derivatives are taken; 'current' alone grows overconfident in heading"
     )
-    match_base_square: float = Field(6.0, ge=0, le=1000, description="gate of a landmark in a crowd: 95 % of true matches")
+    match_base_square: float = Field(
+        6.0, ge=0, le=1000, description="gate of a landmark in a crowd: 95 % of true matches"
+    )
     match_per_metre_square: float = Field(
         1.2, ge=0, le=1000, description="1/m; the gate grows with the distance to the nearest other landmark, (5)"
     )
-    match_widest_square: float = Field(13.816, ge=0, le=1000, description="the widest gate: 99.9 % of true matches")
-    match_known_square: float = Field(50.0, ge=0, le=1e6, description="gate where the sensor reports identities; it misreads a few")
+    match_widest_square: float = Field(
+        13.816, ge=0, le=1000, description="the widest gate: 99.9 % of true matches"
+    )
+    match_known_square: float = Field(
+        50.0, ge=0, le=1e6, description="gate where the sensor reports identities; it misreads a few"
+    )
     create_square: float = Field(
         25.0, ge=0, le=1e6, description="a feature nearer than this to a landmark creates none: it may be that landmark"
+    )
+    confirmed_log_odds: float = Field(
+        3.0, ge=-50, le=100, description="a landmark that leaves the view below this is forgotten: a chance point"
+    )
+    landmarks_in_state: int = Field(
+        128, ge=8, le=4096, description="landmarks in the joint state beside those near the rover; sets the time of a step"
     )
