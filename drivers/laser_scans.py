@@ -24,7 +24,11 @@ SLOW_SHARE = 0.75
 
 
 class ScanAssembly:
-    """One stream's messages in, Scans out; no link and no thread. `clock` outlives the stream."""
+    """One stream's messages in, Scans out; no link and no thread. `clock` outlives the stream.
+
+    rate_hz: scans per second over the last ten; last_stamp_ns: of the newest scan; clock_restarted: set when the
+    laser's clock began anew, for the owner to reset.
+    """
 
     def __init__(
         self,
@@ -65,6 +69,7 @@ class ScanAssembly:
         self._repeats = 0
         self._damaged = 0
         self._is_slow = False
+        self.rate_hz = 0.0
         self.last_stamp_ns: int | None = None
         self.clock_restarted = False
 
@@ -77,13 +82,6 @@ class ScanAssembly:
         """Keep what outlives a connection: the newest stamp, and the ranges that a frozen sensor would repeat."""
         self.last_stamp_ns = before.last_stamp_ns
         self._last_codes, self._repeats = before._last_codes, before._repeats
-
-    @property
-    def rate_hz(self) -> float:
-        """Scans per second over the last ten."""
-        if len(self._arrivals) < 2:
-            return 0.0
-        return (len(self._arrivals) - 1) * 1e9 / (self._arrivals[-1] - self._arrivals[0])
 
     def take(self, raw: RawMessage) -> Scan | None:
         """The scan in a message; None where there is none to use, which is counted.
@@ -188,6 +186,9 @@ class ScanAssembly:
             if missed > 0:
                 self._journal.count("dropped_scans", missed)
         self._arrivals.append(arrival_ns)
+        span_ns = self._arrivals[-1] - self._arrivals[0]
+        if span_ns > 0:  # two scans that came in one read arrived at the same time
+            self.rate_hz = (len(self._arrivals) - 1) * 1e9 / span_ns
         was_slow = self._is_slow
         self._is_slow = len(self._arrivals) == RATE_SCANS and self.rate_hz * self.period_s < SLOW_SHARE
         if self._is_slow and not was_slow:

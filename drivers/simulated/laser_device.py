@@ -76,6 +76,16 @@ class LaserDevice:
         """The pseudo-terminal as a URL of the driver; None without one."""
         return self._pty.url if self._pty is not None else None
 
+    @property
+    def has_faults(self) -> bool:
+        """True while something is wrong with it."""
+        return bool(self._faults) or bool(self._orders)
+
+    @property
+    def is_listening(self) -> bool:
+        """True while it has power, has booted and is plugged in."""
+        return self._listening and self._powered and self._restart_ns is None
+
     def start(self) -> None:
         """Begin to listen and to turn. Raises LinkError if the address or the path is taken."""
         os.set_blocking(self._wake_read, False)

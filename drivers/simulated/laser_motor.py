@@ -28,8 +28,8 @@ class LaserMotor:
         return (host_ns - self._power_on_ns) * self._rate // RATE_SCALE
 
     def host_ns(self, device_ns: int) -> int:
-        """Host time at a device time."""
-        return self._power_on_ns + device_ns * RATE_SCALE // self._rate
+        """The first host time at which this device time has come."""
+        return self._power_on_ns - (-device_ns * RATE_SCALE // self._rate)
 
     def counter_ms(self, host_ns: int) -> int:
         """The 24-bit counter at a host time."""
