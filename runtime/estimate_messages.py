@@ -59,10 +59,12 @@ def decode_estimate(data: bytes) -> Estimate:
     )
 
 
-def decode_pose(data: bytes) -> tuple[Pose2, Pose2]:
-    """Only map_from_body and odom_from_body, for whoever wants the trajectory."""
+def decode_poses(data: bytes) -> tuple[Pose2, Pose2, Pose2]:
+    """Only map_from_body, particle_mean and odom_from_body, for whoever wants the trajectories."""
     message = decode("/estimate", data)
-    return Pose2(*message.map_from_body.tolist()), Pose2(*message.odom_from_body.tolist())
+    arrays = (message.map_from_body, message.particle_mean, message.odom_from_body)
+    published, particles, odometry = (Pose2(*array.tolist()) for array in arrays)
+    return published, particles, odometry
 
 
 def _float64(array: NDArray[Any]) -> NDArray[np.float64]:

@@ -9,24 +9,32 @@ from numpy.typing import NDArray
 
 from runtime.config import load_configuration_text
 from runtime.errors import UsageError
-from runtime.estimate_messages import decode_pose
+from runtime.estimate_messages import decode_poses
 from runtime.importers.data_set_truth import DataSetTruth
 from runtime.messages import decode_truth
 from runtime.paper.trajectory_error import PositionError, position_error, rigid_fit
 from runtime.run_folder import RunFolder
 from runtime.run_reader import RunReader
 from runtime.trajectory_files import composed, nearest_rows, poses_at, read_tum, relative_poses, tum_text
+from slam.pose import Pose2
 
 FloatArray = NDArray[np.float64]
+Row = tuple[float, float, float, float]
 PAIRING_S = 0.05  # data README: relation times are paired within this
 LEAST_FIT_POINTS = 3
+NO_OFFSET = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectories:
-    """Rows of t s, x m, y m, heading rad: estimated, dead reckoning alone, and the simulator's truth (n, 4) or None."""
+    """Rows (n, 4) of t s, x m, y m, heading rad.
+
+    estimated: the published pose; particles: the mean of the particles' own; odometry: dead reckoning alone;
+    simulated: the simulator's truth, None without one.
+    """
 
     estimated: FloatArray
+    particles: FloatArray
     odometry: FloatArray
     simulated: FloatArray | None
 
@@ -52,7 +60,7 @@ def evaluate(run: Path, truth: Path | None = None) -> dict[str, Any]:
     mount = configuration.slam.mount
     figures = nothing_known()
     if truth is not None:
-        figures |= against_poses(trajectories.estimated, read_tum(truth), f"poses of {truth.name}")
+        figures |= against_points(trajectories, read_tum(truth), NO_OFFSET) | {"truth": f"poses of {truth.name}"}
     elif trajectories.simulated is not None:
         figures |= against_simulation(trajectories)
     else:
@@ -80,7 +88,10 @@ def evaluation_lines(figures: dict[str, Any]) -> list[str]:
     if figures["aligned_rms_m"] is not None:
         lines.append(f"          RMS {figures['aligned_rms_m']:.3f} m after the best rigid fit")
     if figures["odometry_rms_m"] is not None:
-        lines.append(f"          RMS {figures['odometry_rms_m']:.3f} m for odometry alone")
+        lines.append(
+            f"          RMS {figures['particles_rms_m']:.3f} m for the particles' own mean (trimmed "
+            f"{figures['particles_trimmed_rms_m']:.3f}), {figures['odometry_rms_m']:.3f} m for odometry alone"
+        )
     if figures["relation_translation_m"] is not None:
         lines.append(
             f"relations {figures['relation_translation_m']:.3f} m, {figures['relation_rotation_deg']:.2f} deg on "
@@ -97,6 +108,7 @@ def nothing_known() -> dict[str, Any]:
     """Every figure, none of them known."""
     names = (
         *("frame", "n", "rms_m", "trimmed_rms_m", "max_m", "aligned_rms_m", "odometry_rms_m"),
+        *("particles_rms_m", "particles_trimmed_rms_m"),
         *("relations", "relation_translation_m", "relation_translation_std_m"),
         *("relation_rotation_deg", "relation_rotation_std_deg"),
         *("odometry_relation_translation_m", "odometry_relation_rotation_deg"),
@@ -106,33 +118,40 @@ def nothing_known() -> dict[str, Any]:
 
 def read_trajectories(reader: RunReader) -> Trajectories:
     """Only poses are kept. Raises UsageError when the run holds no estimate."""
-    estimated, odometry, simulated = [], [], []
+    columns: tuple[list[Row], ...] = ([], [], [])
+    simulated: list[Row] = []
     for record in reader.records():
         if record.topic == "/estimate":
-            pose, odom = decode_pose(record.data)
-            estimated.append((record.stamp_ns * 1e-9, pose.x_m, pose.y_m, pose.heading_rad))
-            odometry.append((record.stamp_ns * 1e-9, odom.x_m, odom.y_m, odom.heading_rad))
+            for column, pose in zip(columns, decode_poses(record.data), strict=True):
+                column.append(_row(record.stamp_ns, pose))
         elif record.topic == "/truth":
-            pose = decode_truth(record.data)
-            simulated.append((record.stamp_ns * 1e-9, pose.x_m, pose.y_m, pose.heading_rad))
-    if not estimated:
+            simulated.append(_row(record.stamp_ns, decode_truth(record.data)))
+    if not columns[0]:
         raise UsageError(f"{reader.folder.path} holds no estimates; replay it first")
-    return Trajectories(np.array(estimated), np.array(odometry), np.array(simulated) if simulated else None)
+    estimated, particles, odometry = (np.array(column) for column in columns)
+    return Trajectories(estimated, particles, odometry, np.array(simulated) if simulated else None)
+
+
+def _row(stamp_ns: int, pose: Pose2) -> Row:
+    return stamp_ns * 1e-9, pose.x_m, pose.y_m, pose.heading_rad
 
 
 def against_simulation(trajectories: Trajectories) -> dict[str, Any]:
     """In the frame of the start pose, where the simulated map begins, and after a rigid fit of the whole path."""
     truth = trajectories.simulated
     assert truth is not None  # the caller has looked
-    estimated = poses_at(trajectories.estimated, truth[:, 0])[:, :2]
-    odometry = poses_at(trajectories.odometry, truth[:, 0])[:, :2]
+    estimated, particles, odometry = (
+        poses_at(rows, truth[:, 0])[:, :2]
+        for rows in (trajectories.estimated, trajectories.particles, trajectories.odometry)
+    )
     known = np.isfinite(estimated[:, 0])
+    places_m = truth[known, 1:3]
     return {
         "truth": "simulator",
         "frame": "frame of the start pose",
-        **_position_figures(position_error(estimated[known], truth[known, 1:3]), int(known.sum())),
-        "aligned_rms_m": _fitted(estimated[known], truth[known, 1:3]).rms_m,
-        "odometry_rms_m": position_error(odometry[known], truth[known, 1:3]).rms_m,
+        **_position_figures(position_error(estimated[known], places_m), int(known.sum())),
+        "aligned_rms_m": _fitted(estimated[known], places_m).rms_m,
+        **_comparison(position_error(particles[known], places_m), position_error(odometry[known], places_m)),
     }
 
 
@@ -142,10 +161,9 @@ def against_data_set(
     """Whatever the set has: fixes or poses for the position, relations for the shape."""
     figures: dict[str, Any] = {}
     if truth.fixes is not None:
-        figures |= against_fixes(trajectories, truth.fixes, body_from_laser)
+        figures |= against_points(trajectories, truth.fixes, body_from_laser) | {"truth": "GPS, good fixes"}
     elif truth.poses is not None:
-        figures |= against_poses(trajectories.estimated, truth.poses, truth.pose_kind)
-        figures["odometry_rms_m"] = against_poses(trajectories.odometry, truth.poses, "")["rms_m"]
+        figures |= against_points(trajectories, truth.poses, NO_OFFSET) | {"truth": truth.pose_kind}
     if truth.relations is not None:
         figures |= against_relations(trajectories.estimated, truth.relations)
         alone = against_relations(trajectories.odometry, truth.relations)
@@ -154,33 +172,25 @@ def against_data_set(
     return figures
 
 
-def against_fixes(
-    trajectories: Trajectories, fixes: FloatArray, body_from_laser: tuple[float, float, float]
+def against_points(
+    trajectories: Trajectories, places: FloatArray, offset: tuple[float, float, float]
 ) -> dict[str, Any]:
-    """GPS: the laser's point, beside which the antenna stands, fitted rigidly to the good fixes."""
-    points = composed(poses_at(trajectories.estimated, fixes[:, 0]), body_from_laser)[:, :2]
-    alone = composed(poses_at(trajectories.odometry, fixes[:, 0]), body_from_laser)[:, :2]
-    known = np.isfinite(points[:, 0])
-    if known.sum() < LEAST_FIT_POINTS:
-        return {"truth": "GPS, but no fix lies within the estimates"}
-    return {
-        "truth": "GPS, good fixes",
-        "frame": "rigid fit of the laser point",
-        **_position_figures(_fitted(points[known], fixes[known, 1:3]), int(known.sum())),
-        "odometry_rms_m": _fitted(alone[known], fixes[known, 1:3]).rms_m,
-    }
+    """Rows of t s, x m, y m in a frame of their own: a point fixed to the body, fitted rigidly.
 
-
-def against_poses(estimated: FloatArray, truth: FloatArray, kind: str) -> dict[str, Any]:
-    """Reference poses (n, 4), fitted rigidly by their positions."""
-    points = poses_at(estimated, truth[:, 0])[:, :2]
-    known = np.isfinite(points[:, 0])
+    offset: where that point is; the antenna of a GPS stands beside the laser.
+    """
+    times_s, places_m = places[:, 0], places[:, 1:3]
+    estimated, particles, odometry = (
+        composed(poses_at(rows, times_s), offset)[:, :2]
+        for rows in (trajectories.estimated, trajectories.particles, trajectories.odometry)
+    )
+    known = np.isfinite(estimated[:, 0])
     if known.sum() < LEAST_FIT_POINTS:
-        return {"truth": f"{kind}, but none lies within the estimates"}
+        return {"n": int(known.sum())}
     return {
-        "truth": kind,
-        "frame": "rigid fit of the path",
-        **_position_figures(_fitted(points[known], truth[known, 1:3]), int(known.sum())),
+        "frame": "rigid fit of the path" if offset == NO_OFFSET else "rigid fit of the laser point",
+        **_position_figures(_fitted(estimated[known], places_m[known]), int(known.sum())),
+        **_comparison(_fitted(particles[known], places_m[known]), _fitted(odometry[known], places_m[known])),
     }
 
 
@@ -210,3 +220,11 @@ def _fitted(points_m: FloatArray, onto_m: FloatArray) -> PositionError:
 
 def _position_figures(error: PositionError, count: int) -> dict[str, Any]:
     return {"n": count, "rms_m": error.rms_m, "trimmed_rms_m": error.trimmed_rms_m, "max_m": error.largest_m}
+
+
+def _comparison(particles: PositionError, odometry: PositionError) -> dict[str, Any]:
+    return {
+        "particles_rms_m": particles.rms_m,
+        "particles_trimmed_rms_m": particles.trimmed_rms_m,
+        "odometry_rms_m": odometry.rms_m,
+    }

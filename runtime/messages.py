@@ -238,8 +238,8 @@ def exact_increment_rad(bearings_rad: FloatArray) -> float | None:
 
     The last bearing carries the increment to a fraction of its last bit, so that three candidates suffice.
     """
-    if bearings_rad.size == 0:
-        return None
+    if bearings_rad.size == 0 or (bearings_rad[0] == 0.0 and np.signbit(bearings_rad[0])):
+        return None  # minus zero would be taken for zero where bearings are kept for the next scan
     if bearings_rad.size == 1:
         return 0.0
     guess = (bearings_rad[-1] - bearings_rad[0]) / (bearings_rad.size - 1)

@@ -8,6 +8,7 @@ from drivers.measurements import OdometryPose
 from runtime.config import load_configuration
 from runtime.errors import DataSetError
 from runtime.importers.archive import Archive, load_archive
+from runtime.importers.carmen import is_carmen, load_carmen
 from runtime.importers.data_set_truth import ATTACHMENT, truth_of
 from runtime.importers.sightings import seen
 from runtime.importers.ticks import ticks
@@ -18,7 +19,7 @@ from runtime.run_header import RunHeader, installed_versions
 from runtime.tick_records import input_records
 
 CONFIGURATIONS = Path(__file__).parents[2] / "config"
-FAMILIES = ("victoria_park", "minesparis", "intel_lab", "aces_austin", "sjursflat", "mrclam")
+FAMILIES = ("victoria_park", "minesparis", "intel_lab", "aces_austin", "sjursflat", "mrclam", "carmen")
 FAST_SPACING_NS = 100_000_000
 SLOW_SPACING_NS = 50_000_000  # odometry that comes as poses is slow, and relations ask for poses within 50 ms
 
@@ -30,7 +31,7 @@ def import_data_set(source: Path, out: Path, config: Path | None = None) -> dict
     this project unless another is given. Raises DataSetError, ConfigurationError, RunExistsError, StorageError;
     nothing is written unless the whole set can be read.
     """
-    archive = load_archive(source)
+    archive = load_carmen(source) if is_carmen(source) else load_archive(source)
     wheels = wheel_samples(archive)
     scans = seen(archive)
     configuration = load_configuration(config if config is not None else configuration_path(archive))

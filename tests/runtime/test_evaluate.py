@@ -12,7 +12,7 @@ from runtime.errors import ConfigurationError, UsageError
 from runtime.evaluate import (
     Trajectories,
     against_data_set,
-    against_fixes,
+    against_points,
     against_relations,
     against_simulation,
     evaluate,
@@ -54,7 +54,8 @@ def write_run(folder: Path, source: str = "live", simulated: bool = True, offset
     for seq, (t, x, y, heading) in enumerate(path().tolist()):
         tick = Tick(seq, round(t * 1e9), None, ())
         pose, true = Pose2(x, y + offset_m, heading), Pose2(x, y, heading)
-        estimate = Estimate(tick.stamp_ns, pose, np.eye(3), pose, np.eye(3), true, Quality.TRACKING)
+        particles = Pose2(x + 0.4, y, heading)
+        estimate = Estimate(tick.stamp_ns, pose, np.eye(3), particles, np.eye(3), true, Quality.TRACKING)
         records = tick_records(tick, estimate, make_timing(seq), bytes(16), true if simulated else None)
         writer.add(input_records(tick) if source.startswith("import") else records)
     writer.close()
@@ -68,6 +69,7 @@ def test_a_run_against_its_simulator(tmp_path: Path) -> None:
     assert figures["max_m"] == pytest.approx(0.3)
     assert figures["aligned_rms_m"] == pytest.approx(0.0, abs=1e-9)
     assert figures["odometry_rms_m"] == pytest.approx(0.0, abs=1e-9)
+    assert figures["particles_rms_m"] == pytest.approx(0.4)
     assert figures["n"] == figures["poses"] == 60
     assert figures["relation_translation_m"] is None
     assert any("RMS 0.300 m" in line for line in evaluation_lines(figures))
@@ -105,12 +107,12 @@ def test_fixes_are_compared_at_the_laser_and_outliers_only_reach_the_full_figure
     body = path()
     laser = composed(body[:, 1:], (2.0, 0.5, 0.0))
     fixes = moved(np.column_stack((body[:, 0], laser)), Pose2(100.0, 50.0, -2.0))[:, :3]
-    exact = against_fixes(Trajectories(body, body, None), fixes, (2.0, 0.5, 0.0))
+    exact = against_points(Trajectories(body, body, body, None), fixes, (2.0, 0.5, 0.0))
     assert exact["rms_m"] == pytest.approx(0.0, abs=1e-9)
-    elsewhere = against_fixes(Trajectories(body, body, None), fixes, NO_MOUNT)
+    elsewhere = against_points(Trajectories(body, body, body, None), fixes, NO_MOUNT)
     assert elsewhere["rms_m"] > 0.1
     fixes[30, 1] += 40.0
-    wild = against_fixes(Trajectories(body, body, None), fixes, (2.0, 0.5, 0.0))
+    wild = against_points(Trajectories(body, body, body, None), fixes, (2.0, 0.5, 0.0))
     assert wild["max_m"] > 30.0
     assert wild["trimmed_rms_m"] < 0.2 * wild["rms_m"]
 
@@ -140,7 +142,7 @@ def test_relations_farther_than_their_pairing_are_left_out() -> None:
 def test_fixes_outside_of_the_estimates_are_not_extrapolated() -> None:
     body = path()
     fixes = np.array([[100.0, 0.0, 0.0], [101.0, 1.0, 0.0], [102.0, 2.0, 0.0]])
-    assert "rms_m" not in against_fixes(Trajectories(body, body, None), fixes, NO_MOUNT)
+    assert "rms_m" not in against_points(Trajectories(body, body, body, None), fixes, NO_MOUNT)
 
 
 def test_interpolation_takes_the_short_way_round() -> None:
@@ -152,7 +154,7 @@ def test_interpolation_takes_the_short_way_round() -> None:
 def test_a_simulated_run_is_judged_in_the_frame_of_its_start() -> None:
     body = path()
     turned = moved(body, Pose2(0.0, 0.0, 0.1))
-    figures = against_simulation(Trajectories(turned, body, body))
+    figures = against_simulation(Trajectories(turned, body, body, body))
     assert figures["rms_m"] > 0.1
     assert figures["aligned_rms_m"] == pytest.approx(0.0, abs=1e-9)
 
@@ -197,7 +199,7 @@ def test_a_set_with_reference_poses_and_relations_gives_both(recorded_data: Call
     truth = truth_of(archive)
     assert truth is not None
     assert truth.poses is not None
-    itself = Trajectories(truth.poses, truth.poses, None)
+    itself = Trajectories(truth.poses, truth.poses, truth.poses, None)
     figures = against_data_set(itself, truth, NO_MOUNT)
     assert figures["rms_m"] == pytest.approx(0.0, abs=1e-9)
     assert figures["relation_translation_m"] < 0.2

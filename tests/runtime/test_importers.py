@@ -1,5 +1,6 @@
 """Recorded data sets become runs: nothing lost, nothing invented, nothing written when something is missing."""
 
+import gzip
 import itertools
 import json
 import math
@@ -24,6 +25,7 @@ from drivers.measurements import (
 )
 from runtime.errors import ConfigurationError, DataSetError, RunExistsError
 from runtime.importers.archive import load_archive
+from runtime.importers.carmen import load_carmen
 from runtime.importers.data_set import import_data_set
 from runtime.importers.data_set_truth import DataSetTruth, truth_of
 from runtime.importers.sightings import seen
@@ -219,6 +221,63 @@ def test_truth_travels_inside_the_run(tmp_path: Path) -> None:
     np.testing.assert_allclose(truth.fixes, [[0.55, 3.0, 4.0]])
     assert truth.poses is None
     assert truth_of(load_archive(write_set(tmp_path / "b", SCANS | STEERED))) is None
+
+
+def carmen_line(t: float, ranges: list[float], laser: tuple[float, ...], robot: tuple[float, ...]) -> str:
+    words = [len(ranges), *ranges, *laser, *robot, t, "host", t]
+    return "FLASER " + " ".join(map(str, words)) + "\n"
+
+
+CARMEN = "# a comment\nPARAM robot_length 0.5\n" + "".join(
+    f"ODOM {0.1 * k} 0 0 0.5 0 0 {10 + 0.2 * k} host {10 + 0.2 * k}\n"
+    + (carmen_line(10.1 + 0.2 * k, [1.0, 2.0, 81.9, 3.0], (0.11 * k, 0, 0), (0.1 * k, 0, 0)) if k % 3 == 0 else "")
+    for k in range(10)
+)
+
+
+def test_a_carmen_log_is_imported(tmp_path: Path) -> None:
+    (tmp_path / "a.log").write_text(CARMEN)
+    summary = import_data_set(tmp_path / "a.log", tmp_path / "run")
+    assert (summary["scans"], summary["wheel_samples"]) == (4, 14)
+    scan = next(again.tick.scan for again in RunReader(tmp_path / "run").ticks() if again.tick.scan)
+    assert isinstance(scan, Scan)
+    np.testing.assert_array_equal(scan.ranges_m, np.array([1.0, 2.0, np.nan, 3.0], np.float32))
+    assert scan.bearings_rad[0] == -0.5 * math.pi
+    assert scan.bearings_rad[1] - scan.bearings_rad[0] == pytest.approx(math.pi / 4)
+    assert summary["truth"] is not None  # the laser moves away from the robot: a correction and no mount
+
+
+def test_a_compressed_log_with_a_constant_mount_has_no_truth(tmp_path: Path) -> None:
+    lines = [carmen_line(t, [1.0] * 5, (t + 0.2, 0, 0), (t, 0, 0)) for t in (1.0, 2.0, 3.0)]
+    (tmp_path / "a.log.gz").write_bytes(gzip.compress("".join(lines).encode()))
+    archive = load_carmen(tmp_path / "a.log.gz")
+    assert truth_of(archive) is None
+    assert len(wheel_samples(archive)) == 3  # the scans' own odometry, as the log has no other
+
+
+def test_the_other_laser_line_of_carmen_is_read(tmp_path: Path) -> None:
+    robot = "ROBOTLASER1 0 -1.5 3.0 1.0 30.0 0.01 0 4 1 2 30 4 0 0.3 0 0 0.1 0 0 0 0 0 0 0 5.0 host 5.0\n"
+    (tmp_path / "a.clf").write_text(robot)
+    archive = load_carmen(tmp_path / "a.clf")
+    scan = next(iter(seen(archive)))
+    assert np.isnan(scan.ranges_m).tolist() == [False, False, True, False]
+    np.testing.assert_allclose(scan.bearings_rad, [-1.5, -0.5, 0.5, 1.5])
+    assert archive["scan_odom_pose"].tolist() == [[0.1, 0.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("ODOM 0 0 0 0 0 0 1 host 1\n", "holds no scan"),
+        ("FLASER 3 1 2\n", r"a\.log:1: FLASER line cannot be read"),
+        (carmen_line(1, [1.0] * 4, (0, 0, 0), (0, 0, 0)) + carmen_line(2, [1.0] * 6, (0, 0, 0), (0, 0, 0)), "a.log:2"),
+        ("ODOM 0 zero 0 0 0 0 1 host 1\n", r"a\.log:1: ODOM line"),
+    ],
+)
+def test_a_log_that_cannot_be_read_is_refused_with_its_line(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / "a.log").write_text(text)
+    with pytest.raises(DataSetError, match=said):
+        import_data_set(tmp_path / "a.log", tmp_path / "run")
 
 
 KINDS = {

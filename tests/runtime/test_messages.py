@@ -23,7 +23,7 @@ from drivers.measurements import (
     WheelCounts,
     uniform_bearings,
 )
-from runtime.estimate_messages import decode_estimate, decode_pose, encode_estimate
+from runtime.estimate_messages import decode_estimate, decode_poses, encode_estimate
 from runtime.message_definitions import TYPES, definition
 from runtime.messages import (
     Gap,
@@ -144,7 +144,8 @@ def test_the_pose_of_an_estimate_comes_back_to_the_last_bit() -> None:
     again = decode_estimate(record.data)
     for name in ("stamp_ns", "map_from_body", "covariance", "particle_mean", "particle_covariance", "odom_from_body"):
         assert same_bits(getattr(estimate, name), getattr(again, name)), name
-    assert decode_pose(record.data) == (estimate.map_from_body, estimate.odom_from_body)
+    poses = (estimate.map_from_body, estimate.particle_mean, estimate.odom_from_body)
+    assert decode_poses(record.data) == poses
     assert again.quality is estimate.quality
     assert again.counts == estimate.counts
 
