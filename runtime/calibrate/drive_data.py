@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ class CalibrationStart:
     wheel_radius_right_m: float = 0.125
     tread_m: float = 0.5
     counts_per_rev: float = 4096.0
-    body_from_laser: Pose2 = Pose2()
+    body_from_laser: Pose2 = field(default_factory=Pose2)
     latency_s: float = 0.0
 
 
@@ -41,7 +41,7 @@ class SteeringStart:
     steering_bias_rad: float = 0.0
     wheel_base_m: float = 2.83
     speed_wheel_offset_m: float = 0.76
-    body_from_laser: Pose2 = Pose2()
+    body_from_laser: Pose2 = field(default_factory=Pose2)
     latency_s: float = 0.0
 
 
@@ -104,11 +104,15 @@ def check_drives(drives: Sequence[DriveData]) -> None:
         raise DataSetError("no drive given; name at least one run to calibrate from")
     for drive in drives:
         if len(drive.scans) < 2:
-            raise DataSetError(f"{drive.name}: holds {len(drive.scans)} scans, expected at least 2; record with the laser")
+            raise DataSetError(
+                f"{drive.name}: holds {len(drive.scans)} scans, expected at least 2; record with the laser"
+            )
         if len(drive.wheels) < 2:
             raise DataSetError(
                 f"{drive.name}: holds {len(drive.wheels)} wheel samples, expected at least 2; record with the encoders"
             )
         kinds = {type(sample).__name__ for sample in drive.wheels}
         if len(kinds) > 1:
-            raise DataSetError(f"{drive.name}: mixes wheel samples of kinds {sorted(kinds)}, expected one kind; import it again")
+            raise DataSetError(
+                f"{drive.name}: mixes wheel samples of kinds {sorted(kinds)}, expected one kind; import it again"
+            )

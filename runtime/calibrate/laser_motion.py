@@ -1,6 +1,7 @@
 """The laser's own account of a drive: its motion from one keyframe to the next."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,9 @@ VELOCITY_WINDOW_S = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserMotion:
-    """Increments of one drive: from times_s[i] to times_s[i] (n, 2); means (n, 3) before_from_after of the laser; covariances.
+    """Steps of one drive: begin and end times_s (n, 2); before_from_after of the laser, means (n, 3), covariances (n, 3, 3).
 
-    failed: pairs of keyframes that showed too little in common.
+    series: the wheels' samples; failed: pairs of keyframes that showed too little in common.
     """
 
     series: WheelSeries
@@ -38,7 +39,7 @@ class LaserMotion:
 
 
 def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray) -> LaserMotion:
-    """Choose keyframes by the wheels' account, undo the motion within each sweep, and match each with the one before."""
+    """Choose keyframes by the wheels, undo the motion within each sweep, and match each with the one before."""
     series = drive.wheel_series()
     stamps = drive.scan_times_s()
     mount, latency = parameters[-4:-1], float(parameters[-1])
@@ -54,8 +55,10 @@ def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray) ->
 
     steps: list[tuple[int, int, Match]] = []
     failed = 0
-    chosen = keyframes(wheels, true_s, known)
-    pairs = list(zip(chosen[:-1], chosen[1:], strict=True))[::-1]
+    # the same keyframes in every pass: a step more or less would move the result by a part of its interval
+    start = model.start
+    chosen = keyframes(model.track(series, start), stamps - start[-1], known)
+    pairs = list(pairwise(chosen))[::-1]
     while pairs:
         there, here = pairs.pop()
         if _silence(series, true_s[there], true_s[here]):
@@ -117,5 +120,5 @@ def _silence(series: WheelSeries, begin_s: float, end_s: float) -> bool:
 
 def _floored(result: Match) -> FloatArray:
     """Nothing is better than a tenth of a millimetre and of a milliradian: keeps weights finite."""
-    floored: FloatArray = result.covariance + np.diag((1e-8, 1e-8, 1e-8))
+    floored: FloatArray = result.covariance + 1e-8 * np.eye(3)
     return floored

@@ -13,13 +13,13 @@ IntArray = NDArray[np.int64]
 GATES_M = (0.6, 0.3, 0.2)  # how far apart shapes of one thing may be: wide at first, the guess comes from the wheels
 EDGE_GATE_RAD = 0.2
 ROUNDS = 4
-ROBUST = 2.4  # Cauchy's constant: 95 % efficient on Gaussian residuals
+ROBUST = 2.4  # deviations at which a residual has a quarter of its weight (Geman and McClure): walkers fall out
 UNKNOWN_M, UNKNOWN_RAD = 1.0, 1.0  # a direction that no shape fixes keeps this deviation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Match:
-    """before_from_after of the laser: mean (3,), covariance (3, 3); pairs used; share of residuals beyond 3 deviations."""
+    """before_from_after of the laser: mean (3,), covariance (3, 3); pairs used; astray: share beyond 3 deviations."""
 
     mean: FloatArray
     covariance: FloatArray
@@ -28,7 +28,7 @@ class Match:
 
 
 def match(before: Shapes, after: Shapes, guess: FloatArray) -> Match:
-    """Align; `guess` (3,) is before_from_after as the wheels say. With nothing in common the covariance stays unknown."""
+    """Align; `guess` (3,) is before_from_after as the wheels say. With nothing in common the covariance stays wide."""
     pose = guess.copy()
     prior = np.array((UNKNOWN_M**-2, UNKNOWN_M**-2, UNKNOWN_RAD**-2))
     scale, pairs, astray = 1.0, 0, 0.0
@@ -41,7 +41,7 @@ def match(before: Shapes, after: Shapes, guess: FloatArray) -> Match:
             if len(residuals) == 0:
                 break
             scale = max(1.0, 1.4826 * float(np.median(np.abs(residuals))))
-            weights = 1.0 / (1.0 + (residuals / (ROBUST * scale)) ** 2)
+            weights = 1.0 / (1.0 + (residuals / (ROBUST * scale)) ** 2) ** 2
             information = (jacobian * weights[:, None]).T @ jacobian / scale**2 + np.diag(prior)
             gradient = (jacobian * weights[:, None]).T @ residuals / scale**2 + prior * (pose - guess)
             step = np.linalg.solve(information, gradient)
@@ -55,7 +55,8 @@ def match(before: Shapes, after: Shapes, guess: FloatArray) -> Match:
 def _placed(points: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Points in the frame before, and the lever by which a turn moves them."""
     cosine, sine = np.cos(pose[2]), np.sin(pose[2])
-    turned = np.stack((cosine * points[:, 0] - sine * points[:, 1], sine * points[:, 0] + cosine * points[:, 1]), axis=-1)
+    x, y = points[:, 0], points[:, 1]
+    turned = np.stack((cosine * x - sine * y, sine * x + cosine * y), axis=-1)
     return turned + pose[:2], np.stack((-turned[:, 1], turned[:, 0]), axis=-1)
 
 
@@ -115,12 +116,10 @@ def _edge_residuals(
     angle_variance = before.edge_angle_variances[left] + after.edge_angle_variances[right]
     variance = before.edge_variances_m2[left] + after.edge_variances_m2[right] + 0.25 * along**2 * angle_variance
     weight = 1.0 / np.sqrt(variance)
-    across = (normals * offset).sum(axis=1)
-    distance = np.stack((across, normals[:, 0], normals[:, 1], (normals * levers).sum(axis=1)), axis=-1) * weight[:, None]
-    # the lever of the normal itself is left out: it is the residual's own size
     angle = np.zeros((len(left), 4))
     angle[:, 0], angle[:, 3] = turned, 1.0
-    return distance, angle / np.sqrt(angle_variance)[:, None]
+    # that the normal turns too is left out of the derivative: it matters by the residual's own size
+    return _along(normals, offset, levers) * weight[:, None], angle / np.sqrt(angle_variance)[:, None]
 
 
 def _thing_residuals(
@@ -133,13 +132,13 @@ def _thing_residuals(
     side = np.stack((-sight[:, 1], sight[:, 0]), axis=-1)
     offset = placed - centres
     deviations = np.sqrt(before.thing_variances_m2[left] + after.thing_variances_m2[right])
-    rows = []
-    for axis, direction in enumerate((sight, side)):
-        values = np.stack(
-            ((direction * offset).sum(axis=1), direction[:, 0], direction[:, 1], (direction * levers).sum(axis=1)), axis=-1
-        )
-        rows.append(values / deviations[:, axis, None])
-    return rows[0], rows[1]
+    return _along(sight, offset, levers) / deviations[:, :1], _along(side, offset, levers) / deviations[:, 1:]
+
+
+def _along(directions: FloatArray, offset: FloatArray, levers: FloatArray) -> FloatArray:
+    """Component of the offset along unit directions, and its derivatives by x, y and the turn: (m, 4)."""
+    component, by_turn = (directions * offset).sum(axis=1), (directions * levers).sum(axis=1)
+    return np.stack((component, directions[:, 0], directions[:, 1], by_turn), axis=-1)
 
 
 def _half_turn(angles: FloatArray) -> FloatArray:

@@ -1,12 +1,13 @@
 """What a scan shows that is found again from half a metre further on: straight edges, and compact things.
 
-Edges tell the motion across themselves and the turn; compact things (trunks, posts, legs) tell it both ways. A compact thing's
-centre lies behind its front by pi/4 of its half width: without that step the front, which slides around the thing as the
-laser passes, makes every drive look too short.
+Edges tell the motion across themselves and the turn; compact things (trunks, posts, legs) tell it both ways. A
+compact thing's centre lies behind its front by pi/4 of its half width: without that step the front, which slides around
+the thing as the laser passes, makes every drive look too short.
 """
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ EDGE_LONGEST_M = 2.0
 COMPACT_M = 0.8  # widest trunk
 COMPACT_BEAMS = 3
 BACKGROUND_M = 0.3  # what is behind a compact thing is at least so much farther
+ROUND_M = 0.008  # no trunk is round to less, and a walker near by must not outweigh everything else
 SETBACK = math.pi / 4.0  # mean depth of a half circle over its radius
 
 
@@ -72,7 +74,7 @@ def shapes(scan: Scan, laser_twist: FloatArray) -> Shapes:
     edges: list[tuple[float, ...]] = []
     things: list[tuple[float, ...]] = []
     ends = _breaks(ranges, scan.bearings_rad[beams])
-    for begin, end in zip(ends[:-1], ends[1:], strict=True):
+    for begin, end in pairwise(ends):
         width = float(ranges[begin:end].min()) * spacing * float(beams[end - 1] - beams[begin] + 1)
         if width <= COMPACT_M and _stands_free(ranges, beams, begin, end, len(scan.bearings_rad)):
             if end - begin >= COMPACT_BEAMS:
@@ -80,8 +82,9 @@ def shapes(scan: Scan, laser_twist: FloatArray) -> Shapes:
         elif end - begin >= EDGE_POINTS:
             edges += _edges(points[begin:end])
     edge_rows, thing_rows = np.array(edges).reshape(-1, 6), np.array(things).reshape(-1, 4)
+    angles, lengths, variances, angle_variances = edge_rows.T[2:]
     return Shapes(
-        edge_rows[:, :2], edge_rows[:, 2], edge_rows[:, 3], edge_rows[:, 4], edge_rows[:, 5], thing_rows[:, :2], thing_rows[:, 2:]
+        edge_rows[:, :2], angles, lengths, variances, angle_variances, thing_rows[:, :2], thing_rows[:, 2:]
     )
 
 
@@ -111,8 +114,8 @@ def _thing(points: FloatArray, width_m: float, range_m: float, spacing: float) -
     if abs(math.atan2(first[1], first[0]) - math.atan2(last[1], last[0])) > math.pi:
         bearing += math.pi
     depth = float(np.hypot(points[:, 0], points[:, 1]).mean()) + SETBACK * 0.5 * width_m
-    radial = RANGE_NOISE_M**2 / len(points) + (0.05 * width_m) ** 2
-    tangential = (range_m * spacing) ** 2 / 12.0 + 1e-6
+    radial = RANGE_NOISE_M**2 / len(points) + (0.05 * width_m) ** 2 + ROUND_M**2
+    tangential = (range_m * spacing) ** 2 / 12.0 + ROUND_M**2
     return depth * math.cos(bearing), depth * math.sin(bearing), radial, tangential
 
 
@@ -146,4 +149,5 @@ def _edge(points: FloatArray) -> tuple[float, ...]:
     across = max(xx + yy - spread, 0.0) / (len(points) - 2)
     noise = max(across, RANGE_NOISE_M**2)
     length = math.hypot(*(points[-1] - points[0]))
-    return float(centre[0]), float(centre[1]), along + 0.5 * math.pi, length, noise / len(points), noise / max(spread, 1e-9)
+    normal = along + 0.5 * math.pi
+    return float(centre[0]), float(centre[1]), normal, length, noise / len(points), noise / max(spread, 1e-9)

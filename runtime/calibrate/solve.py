@@ -1,10 +1,11 @@
 """Maximum likelihood of the parameters, given what wheels and laser say of the same steps.
 
-Residual of a step: motion of the laser that the wheels and the parameters predict, minus the one that matching found. Slip,
-sideways drift and the size of the matching error are estimated together with the rest, so nothing has to be known beforehand.
-The wheels are the noisier side, and noise in what a parameter multiplies pulls that parameter away (a tread 1 % too wide
-in simulation): derivatives are therefore taken from the wheel history with its most likely slip removed. Along the latency the
-cost is rough, because a shifted history brings other slip: the equation is solved, the cost itself is not looked at.
+Residual of a step: motion of the laser that the wheels and the parameters predict, minus the one that matching found.
+Slip, sideways drift and the size of the matching error are estimated together with the rest, so nothing has to be known
+beforehand. The wheels are the noisier side, and noise in what a parameter multiplies pulls that parameter away (a tread
+1 % too wide in simulation): derivatives are therefore taken from the wheel history with its most likely slip removed.
+Along the latency the cost is rough, because a shifted history brings other slip: the equation is solved, the cost is
+not looked at.
 """
 
 from collections.abc import Sequence
@@ -76,14 +77,12 @@ class _Steps:
         """(n, 3, p) by central differences."""
         sizes = 1e-4 * self.model.prior
         sizes[-1] = LATENCY_STEP_S
-        columns = [
-            np.concatenate(
-                [laser_steps(motion, self.model, values + move) - laser_steps(motion, self.model, values - move) for motion in self.slipless]
-            )
-            for move in np.diag(sizes)
-        ]
+        columns = [self._slipless_steps(values + move) - self._slipless_steps(values - move) for move in np.diag(sizes)]
         jacobian: FloatArray = np.stack(columns, axis=-1) / (2.0 * sizes)
         return jacobian
+
+    def _slipless_steps(self, values: FloatArray) -> FloatArray:
+        return np.concatenate([laser_steps(motion, self.model, values) for motion in self.slipless])
 
     def without_slip(self, values: FloatArray, errors: StepErrors, noise: FloatArray, kept: BoolArray) -> "_Steps":
         """Once more, with the errors that are likely now."""
@@ -146,7 +145,7 @@ def _descend(steps: _Steps, whiten: FloatArray, kept: BoolArray, start: FloatArr
 def _covariance(steps: _Steps, whiten: FloatArray, kept: BoolArray, values: FloatArray) -> FloatArray:
     """The likelihood's own covariance, widened where blocks of successive steps differ by more than it allows.
 
-    The blocks (clustered sandwich) see errors that last longer than a step; there are too few of them to narrow anything.
+    The blocks (clustered sandwich) see errors that last longer than a step; they are too few to narrow anything.
     """
     prior = steps.model.prior
     white = (whiten @ steps.jacobian(values))[kept] * prior

@@ -25,7 +25,8 @@ BISECTIONS = 10
 class StepErrors:
     """Covariance of each step = slip^2 * slip + drift^2 * drift + factor^2 * match + fixed, (n, 3, 3) each.
 
-    by_error (n, 3, 2), weights (n, 2): what a metre of each wheel error does to the laser's motion, and how its variance grows.
+    by_error (n, 3, 2): what a metre of each wheel error does to the laser's motion; weights (n, 2): metres by which its
+    variance grows.
     """
 
     slip: FloatArray
@@ -37,7 +38,8 @@ class StepErrors:
 
     def total(self, noise: FloatArray) -> FloatArray:
         """(n, 3, 3) for noise (3,): slip, drift, factor."""
-        total: FloatArray = noise[0] ** 2 * self.slip + noise[1] ** 2 * self.drift + noise[2] ** 2 * self.match + self.fixed
+        slip, drift, factor = noise**2
+        total: FloatArray = slip * self.slip + drift * self.drift + factor * self.match + self.fixed
         return total
 
     def part(self, kept: BoolArray) -> "StepErrors":
@@ -137,7 +139,7 @@ def estimate_noise(residuals: FloatArray, errors: StepErrors, start: FloatArray)
 
 
 def noise_interval(index: int, residuals: FloatArray, errors: StepErrors, noise: FloatArray) -> tuple[float, float]:
-    """95 % interval of one of the three by profile likelihood; it reaches to zero where zero explains the drive as well."""
+    """95 % interval of one of the three by profile likelihood; from zero where zero explains the drive as well."""
     others = [other for other in range(3) if other != index]
     bounds = [(math.log(low), math.log(high)) for low, high in NOISE_BOUNDS]
     best = _cost(np.log(noise), residuals, errors)

@@ -35,7 +35,7 @@ class Track:
 
 
 def track(times_s: FloatArray, distances_m: FloatArray, headings_rad: FloatArray) -> Track:
-    """Integrate distance and heading (n,) at the samples' times, headings not wrapped, into poses from the origin on."""
+    """Integrate distance and heading (n,) at the samples' times, headings not wrapped, into poses from the origin."""
     steps, turns = np.diff(distances_m), np.diff(headings_rad)
     ahead, left = chord(steps, turns)
     cosine, sine = np.cos(headings_rad[:-1]), np.sin(headings_rad[:-1])

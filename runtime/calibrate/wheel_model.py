@@ -110,7 +110,8 @@ class DifferentialModel:
 
     def _travel_m(self, series: WheelSeries, parameters: FloatArray) -> FloatArray:
         turns = (series.values - series.values[0]) * (2.0 * math.pi / self.initial.counts_per_rev)
-        return turns * parameters[:2]
+        travel_m: FloatArray = turns * parameters[:2]
+        return travel_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +147,7 @@ class SteeredModel:
         headings = np.concatenate(((0.0,), np.cumsum(steps * slope / wheel_base)))
         return track(series.times_s, distances, headings)
 
-    def noise_arms(self, parameters: FloatArray) -> FloatArray:
+    def noise_arms(self, parameters: FloatArray) -> FloatArray:  # noqa: ARG002 (the same for all parameters)
         """Forward metre for metre; a metre sideways at the steered axle turns by 1 / wheel base."""
         return np.array(((1.0, 0.0), (0.0, 1.0 / self.initial.wheel_base_m)))
 
@@ -157,7 +158,7 @@ class SteeredModel:
         metres = np.interp(times_s, series.times_s, rolled)
         return np.stack((metres, metres), axis=-1)
 
-    def quantisation_m2(self, parameters: FloatArray) -> float:
+    def quantisation_m2(self, parameters: FloatArray) -> float:  # noqa: ARG002 (the same for all parameters)
         """None that is known."""
         return 0.0
 

@@ -1,0 +1,154 @@
+"""From ordinary drives to wheels, mount, latency and noise, each with its interval; no truth is needed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.measurements import SpeedSteering
+from runtime.calibrate.drive_data import CalibrationStart, DriveData, SteeringStart, check_drives
+from runtime.calibrate.laser_motion import LaserMotion, laser_motion
+from runtime.calibrate.range_noise import RangeNoise, range_noise
+from runtime.calibrate.result import Calibration, Quantity
+from runtime.calibrate.richness import Measure, measures
+from runtime.calibrate.solve import LATENCY_BOUND_S, Solution, solve
+from runtime.calibrate.wheel_model import DifferentialModel, SteeredModel, WheelModel
+from runtime.errors import DataSetError
+
+FloatArray = NDArray[np.float64]
+
+PASSES = 3  # matching needs the motion within a sweep, which the first pass knows only roughly
+SETTLED = 0.2  # of a standard deviation
+FEWEST_STEPS = 15
+AGREEING_SHARE = 0.6
+FARTHEST = 3.0  # deviations of the prior
+NORMAL_95 = 1.96
+
+
+@dataclass(frozen=True, slots=True)
+class _Need:
+    """Widest half interval that is worth reporting (relative: share of the value), and the motions that narrow it."""
+
+    widest: float
+    relative: bool
+    motions: tuple[str, ...]
+
+
+NEEDS = {
+    "wheel_radius_left_m": _Need(0.03, True, ("distance seen by the laser", "straight driving")),
+    "wheel_radius_right_m": _Need(0.03, True, ("distance seen by the laser", "straight driving")),
+    "tread_m": _Need(0.08, True, ("turning left", "turning right")),
+    "laser_x_m": _Need(0.06, False, ("turning left", "turning right")),
+    "laser_y_m": _Need(0.06, False, ("turning left", "turning right", "straight driving")),
+    "laser_yaw_rad": _Need(0.05, False, ("straight driving",)),
+    "laser_latency_s": _Need(0.06, False, ("change of speed and turning",)),
+    "speed_scale": _Need(0.03, True, ("distance seen by the laser",)),
+    "steering_scale": _Need(0.08, True, ("turning left", "turning right")),
+    "steering_bias_rad": _Need(0.01, False, ("straight driving", "distance seen by the laser")),
+}
+
+
+def calibrate(drives: Sequence[DriveData], initial: CalibrationStart | SteeringStart) -> Calibration:
+    """Calibrate from all drives together. What they do not show is refused with a reason, never guessed.
+
+    Raises DataSetError where there are no drives, scans or wheels, or the wheels are of another kind than `initial`.
+    """
+    check_drives(drives)
+    model = _model(drives, initial)
+    values = model.start
+    motions, solution = _matched_and_solved(drives, model, values)
+    for _ in range(PASSES - 1):
+        if solution.kept.sum() < FEWEST_STEPS:
+            break
+        before, values = values, solution.parameters
+        motions, solution = _matched_and_solved(drives, model, values)
+        moved = np.abs(solution.parameters - values) / np.sqrt(np.diag(solution.covariance))
+        if before is not model.start and (moved < SETTLED).all():
+            break
+    noise = range_noise(drives)
+    found = measures(motions, model, solution.parameters, solution.kept.astype(np.float64), noise.still_scans)
+    trouble = _trouble(motions, model, solution)
+    quantities = (*_geometry(model, solution, found, trouble), *_noise(model, solution, noise, trouble))
+    return Calibration(
+        tuple(drive.name for drive in drives),
+        quantities,
+        found,
+        (*((trouble,) if trouble else ()), *(measure.sentence() for measure in found if measure.short)),
+        int(solution.kept.sum()),
+        int((~solution.kept).sum()),
+        sum(motion.failed for motion in motions),
+    )
+
+
+def _model(drives: Sequence[DriveData], initial: CalibrationStart | SteeringStart) -> WheelModel:
+    steered = isinstance(initial, SteeringStart)
+    for drive in drives:
+        if isinstance(drive.wheels[0], SpeedSteering) != steered:
+            have, want = ("wheel counts", "steered") if steered else ("speed and steering", "differential")
+            raise DataSetError(
+                f"{drive.name}: holds {have}, which does not go with slam.odometry.model = {want!r}; "
+                "change the configuration"
+            )
+    return SteeredModel(initial) if isinstance(initial, SteeringStart) else DifferentialModel(initial)
+
+
+def _matched_and_solved(
+    drives: Sequence[DriveData], model: WheelModel, values: FloatArray
+) -> tuple[list[LaserMotion], Solution]:
+    motions = [laser_motion(drive, model, values) for drive in drives]
+    return motions, solve(motions, model)
+
+
+def _trouble(motions: Sequence[LaserMotion], model: WheelModel, solution: Solution) -> str:
+    """Why nothing of it can be believed; "" if it can."""
+    steps, kept = len(solution.kept), int(solution.kept.sum())
+    tried = steps + sum(motion.failed for motion in motions)
+    if kept < FEWEST_STEPS:
+        return (
+            f"only {kept} steps could be matched, expected at least {FEWEST_STEPS}; "
+            "drive farther where the laser sees things"
+        )
+    if kept < AGREEING_SHARE * tried:
+        return (
+            f"wheels and laser agree on {kept} of {tried} steps, expected {AGREEING_SHARE:.0%}; drive where the laser "
+            "sees things that stand still, and check counts per revolution and sign of both wheels"
+        )
+    away = np.abs(solution.parameters - model.start) / model.prior
+    if away.max() > FARTHEST or abs(solution.parameters[-1]) >= LATENCY_BOUND_S:
+        worst = int(np.argmax(away))
+        return (
+            f"{model.names[worst]} came out as {solution.parameters[worst]:.4g}, too far from {model.start[worst]:.4g} "
+            "to be wear; check the configuration's geometry and counts per revolution, and calibrate again"
+        )
+    return ""
+
+
+def _geometry(model: WheelModel, solution: Solution, found: Sequence[Measure], trouble: str) -> list[Quantity]:
+    deviations = np.sqrt(np.diag(solution.covariance))
+    quantities = []
+    for name, value, deviation, prior in zip(model.names, solution.parameters, deviations, model.prior, strict=True):
+        half = NORMAL_95 * float(deviation)
+        need = NEEDS[name]
+        widest = need.widest * (abs(float(value)) if need.relative else 1.0)
+        refused = trouble
+        if not refused and (half > widest or deviation > 0.5 * prior):
+            short = [measure.advice for measure in found if measure.name in need.motions and measure.short]
+            remedy = ", ".join(short) if short else "drive longer"
+            refused = f"the drive leaves it open by +-{half:.3g}, expected at most {widest:.3g}; {remedy}"
+        quantities.append(Quantity(name, float(value), float(value) - half, float(value) + half, refused))
+    return quantities
+
+
+def _noise(model: WheelModel, solution: Solution, noise: RangeNoise, trouble: str) -> list[Quantity]:
+    quantities = []
+    if isinstance(model, DifferentialModel):
+        for index, name in enumerate(("slip_m_per_sqrt_m", "lateral_m_per_sqrt_m")):
+            low, high = (0.0, 0.0) if trouble else solution.noise_interval(index)
+            quantities.append(Quantity(name, float(solution.noise[index]), low, high, trouble))
+    if noise.sigma_m is None:
+        why = "the rover never stood still long enough; stand still for two seconds"
+        quantities.append(Quantity("range_noise_m", 0.0, 0.0, 0.0, why))
+    else:
+        quantities.append(Quantity("range_noise_m", noise.sigma_m, noise.low_m, noise.high_m))
+    return quantities
