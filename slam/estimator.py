@@ -72,11 +72,12 @@ class Estimator:
     @classmethod
     def warm_up(cls, settings: SlamSettings | None = None) -> None:
         """Compile every kernel, or load it from the cache, so that the first tick is as quick as the others."""
-        short = warm_up_settings(settings or SlamSettings())
-        estimator = cls(short, 0)
-        for stamp_ns, sightings, wheels in warm_up_drive(short):
-            estimator.step(stamp_ns, sightings, wheels)
-        estimator.step(stamp_ns + TICK_NS, None, ())
+        for front_end in ("given", "robust"):
+            short = warm_up_settings(settings or SlamSettings(), front_end)
+            estimator = cls(short, 0)
+            for stamp_ns, scan, wheels in warm_up_drive(short):
+                estimator.step(stamp_ns, scan, wheels)
+            estimator.step(stamp_ns + TICK_NS, None, ())
 
     def _is_new(self, scan: ScanLike) -> bool:
         """False for a scan whose time stands still or runs backwards: ignored and counted."""

@@ -1,33 +1,69 @@
-"""Settings and a short drive that make every kernel of the estimator compile."""
+"""Settings and two short drives that make every kernel of the estimator compile, with features given and with scans."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
-from drivers.measurements import OdometryPose, Sightings, SpeedSteering, SpeedYawRate, WheelCounts, WheelSample
+from drivers.measurements import (
+    OdometryPose,
+    Scan,
+    ScanLike,
+    Sightings,
+    SpeedSteering,
+    SpeedYawRate,
+    WheelCounts,
+    WheelSample,
+    uniform_bearings,
+)
 from slam.settings import SlamSettings
 
 RINGS_M = np.array((4.0, 6.0, 9.0, 12.0))
 BEARINGS_RAD = np.array((-1.0, 0.2, 0.9, -0.4))
 TICK_NS = 100_000_000
+TICKS = 15  # longer than any front end looks back
+REST_TICKS = 2
+BEAMS = 1081
+POLES = ((4.0, -0.8), (6.0, 0.1), (9.0, 0.7))  # range m, bearing rad
+POLE_HALF_WIDTH_M = 0.15
+WALL_M = 12.0  # to the left and ahead: two walls that meet in a corner
+
+WarmUpTick = tuple[int, ScanLike, tuple[WheelSample, ...]]
 
 
-def warm_up_settings(settings: SlamSettings) -> SlamSettings:
-    """The same filter with few particles that resample in every scan, and features given."""
+def warm_up_settings(settings: SlamSettings, front_end: str) -> SlamSettings:
+    """The same filter with few particles that resample in every scan, and this kind of front end."""
     tree = settings.model_dump()
     tree |= {"particles": 4, "resample_share": 1.0}
-    tree["front_end"] = {"kind": "given"}
+    tree["front_end"]["kind"] = front_end
     return SlamSettings.model_validate(tree)
 
 
-def warm_up_drive(settings: SlamSettings) -> Iterator[tuple[int, Sightings, tuple[WheelSample, ...]]]:
-    """Stamps, sightings of four things and wheel samples of a drive of half a second."""
-    for tick in range(1, 6):
+def warm_up_drive(settings: SlamSettings) -> Iterator[WarmUpTick]:
+    """Stamps, sightings or scans of a few things, and wheel samples of a drive of a second and a half."""
+    for tick in range(1, TICKS + 1):
         stamp_ns = tick * TICK_NS
-        moved = 0.05 * max(tick - 2, 0)
-        identities = np.arange(4) if settings.association.strategy == "known" else np.full(4, -1)
-        sightings = Sightings(stamp_ns, RINGS_M - moved, BEARINGS_RAD.copy(), identities)
-        yield stamp_ns, sightings, (_wheel_sample(settings, stamp_ns, moved),)
+        moved_m = 0.05 * max(tick - REST_TICKS, 0)
+        seen = _sightings if settings.front_end.kind == "given" else _scan
+        yield stamp_ns, seen(settings, stamp_ns, moved_m), (_wheel_sample(settings, stamp_ns, moved_m),)
+
+
+def _sightings(settings: SlamSettings, stamp_ns: int, moved_m: float) -> Sightings:
+    identities = np.arange(4) if settings.association.strategy == "known" else np.full(4, -1)
+    return Sightings(stamp_ns, RINGS_M - moved_m, BEARINGS_RAD.copy(), identities)
+
+
+def _scan(_settings: SlamSettings, stamp_ns: int, moved_m: float) -> Scan:
+    """Three poles before two walls."""
+    bearings = uniform_bearings(-0.75 * np.pi, 1.5 * np.pi / (BEAMS - 1), BEAMS)
+    with np.errstate(divide="ignore"):
+        ahead = np.where(np.cos(bearings) > 0.0, (WALL_M - moved_m) / np.cos(bearings), np.inf)
+        left = np.where(np.sin(bearings) > 0.0, WALL_M / np.sin(bearings), np.inf)
+    ranges = np.minimum(ahead, left)
+    for range_m, bearing_rad in POLES:
+        near_m = range_m - moved_m
+        ranges[np.abs(bearings - bearing_rad) < POLE_HALF_WIDTH_M / near_m] = near_m
+    ranges[~np.isfinite(ranges)] = np.nan
+    return Scan(stamp_ns, ranges.astype(np.float32), bearings, 1e-4, 0)
 
 
 def _wheel_sample(settings: SlamSettings, stamp_ns: int, moved_m: float) -> WheelSample:

@@ -1,0 +1,55 @@
+"""After the warm-up nothing is compiled any more: a compilation inside the loop costs seconds."""
+
+import pkgutil
+import subprocess
+import sys
+from importlib import import_module
+
+from numba.core.dispatcher import Dispatcher
+
+import slam
+
+# In a process of its own: what other tests have compiled must not hide what the warm-up left out.
+DRIVE = """
+import numpy as np
+from drivers.measurements import Scan, WheelCounts, uniform_bearings
+from drivers.simulated.world import World
+from drivers.simulated.world_settings import WorldSettings
+from runtime.paper.worlds import feature_world
+from slam.estimator import Estimator
+from slam.settings import SlamSettings
+from tests.slam.test_warm_up import compiled_signatures
+
+def in_the_park():
+    world = World(WorldSettings())
+    estimator = Estimator(SlamSettings(particles=5, resample_share=1.0), 1)
+    bearings = uniform_bearings(-0.75 * np.pi, np.pi / 720, 1081)
+    for tick in range(60):
+        now = tick * 100_000_000
+        left, right = (5215.2 * metres for metres in world.wheel_travel_m(now))
+        ranges = world.ranges_at(now)
+        scan = Scan(now, np.where(np.isfinite(ranges), ranges, np.nan).astype(np.float32), bearings, 7e-5)
+        estimator.step(now, scan, (WheelCounts(now, left, right),))
+
+Estimator.warm_up(SlamSettings())
+before = compiled_signatures()
+in_the_park()
+late = sorted(compiled_signatures() - before)
+assert before
+assert not late, "\\n".join(" ".join(row) for row in late)
+"""
+
+
+def compiled_signatures() -> set[tuple[str, str, str]]:
+    """(module, kernel, signature) of everything compiled in this process."""
+    found = set()
+    for info in pkgutil.iter_modules(slam.__path__):
+        for name, value in vars(import_module(f"slam.{info.name}")).items():
+            if isinstance(value, Dispatcher):
+                found |= {(value.py_func.__module__, name, str(signature)) for signature in value.signatures}
+    return found
+
+
+def test_a_drive_compiles_nothing_that_the_warm_up_has_not() -> None:
+    result = subprocess.run([sys.executable, "-c", DRIVE], capture_output=True, text=True, timeout=280, check=False)
+    assert result.returncode == 0, result.stderr[-3000:]
