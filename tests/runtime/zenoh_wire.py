@@ -38,7 +38,7 @@ def until(condition: Callable[[], bool], seconds: float = 10.0) -> bool:
 
 
 def settings_on(port: int, **changes: Any) -> PublishSettings:
-    return PublishSettings(listen=(f"tcp/127.0.0.1:{port}",), **{"connect": (), **changes})
+    return PublishSettings(**{"listen": (f"tcp/127.0.0.1:{port}",), "connect": (), **changes})
 
 
 @contextmanager

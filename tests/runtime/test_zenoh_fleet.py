@@ -1,0 +1,128 @@
+"""The fleet's router lets each rover say what is its own, and nobody in without a certificate."""
+
+import json
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from tests.runtime.ros_types import PoseWithCovarianceStamped, read
+from tests.runtime.zenoh_wire import ROOT, free_port, publishing, put_ticks, settings_on, until
+
+CONFIG = ROOT / "config"
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """A router that is up, and where it is."""
+
+    certificates: Path
+    endpoint: str
+
+    def file(self, name: str) -> Path:
+        """config/zenoh-rover.json5 with the certificates of this name."""
+        text = (CONFIG / "zenoh-rover.json5").read_text()
+        text = text.replace("/etc/infant/zenoh/rover1", f"{self.certificates}/{name}")
+        path = self.certificates / f"{name}.json5"
+        path.write_text(text.replace("/etc/infant/zenoh", str(self.certificates)))
+        return path
+
+    def client(self, name: str) -> zenoh.Session:
+        config = zenoh.Config.from_file(str(self.file(name)))
+        config.insert_json5("mode", '"client"')
+        config.insert_json5("connect/endpoints", json.dumps([self.endpoint]))
+        return zenoh.open(config)
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    folder = tmp_path_factory.mktemp("ca")
+    subprocess.run([CONFIG / "make-test-ca.sh", folder], check=True)
+    subprocess.run([CONFIG / "make-test-ca.sh", folder / "strangers", "rover1"], check=True)
+    text = (CONFIG / "zenoh-fleet.json5").read_text().replace("/etc/infant/zenoh", str(folder))
+    path = folder / "fleet.json5"
+    port = free_port()
+    path.write_text(text.replace("0.0.0.0:7447", f"127.0.0.1:{port}"))
+    with zenoh.open(zenoh.Config.from_file(str(path))):
+        yield Fleet(folder, f"tls/127.0.0.1:{port}")
+
+
+def test_a_viewer_hears_each_rover_under_its_own_name(fleet: Fleet) -> None:
+    settings = {
+        name: settings_on(free_port(), listen=(), connect=(fleet.endpoint,), config_file=str(fleet.file(name)))
+        for name in ("rover1", "rover2")
+    }
+    with (
+        fleet.client("viewer") as viewer,
+        publishing(settings["rover1"], "rover1") as first,
+        publishing(settings["rover2"], "rover2") as second,
+    ):
+        subscriber = viewer.declare_subscriber("infant/*/pose", zenoh.handlers.FifoChannel(1000))
+        heard: dict[str, bytes] = {}
+
+        def both() -> bool:
+            put_ticks(first, range(1), 0.0)
+            put_ticks(second, range(1), 0.0)
+            while (sample := subscriber.try_recv()) is not None:
+                heard[str(sample.key_expr)] = sample.payload.to_bytes()
+            return len(heard) == 2
+
+        assert until(both), heard.keys()
+        assert until(lambda: any(reply.ok for reply in viewer.get("infant/rover1/status", timeout=1.0)))
+        tokens = {str(reply.ok.key_expr) for reply in viewer.liveliness().get("infant/*/alive") if reply.ok}
+    assert read(PoseWithCovarianceStamped, heard["infant/rover2/pose"]).header.frame_id == "map"
+    assert tokens == {"infant/rover1/alive", "infant/rover2/alive"}
+
+
+def test_a_pose_in_the_name_of_another_rover_is_dropped(fleet: Fleet) -> None:
+    with fleet.client("viewer") as viewer, fleet.client("rover1") as forger:
+        subscriber = viewer.declare_subscriber("infant/**", zenoh.handlers.FifoChannel(1000))
+        keys: set[str] = set()
+
+        def own_arrived() -> bool:
+            forger.put("infant/rover2/pose", b"forged")
+            forger.put("infant/rover1/pose", b"own")
+            while (sample := subscriber.try_recv()) is not None:
+                keys.add(str(sample.key_expr))
+            return "infant/rover1/pose" in keys
+
+        assert until(own_arrived)
+    assert keys == {"infant/rover1/pose"}
+
+
+def test_a_viewer_says_nothing_and_a_rover_overhears_nothing(fleet: Fleet) -> None:
+    with fleet.client("viewer") as viewer, fleet.client("rover1") as rover, fleet.client("rover2") as other:
+        heard = {
+            "by the viewer": viewer.declare_subscriber("infant/**", zenoh.handlers.FifoChannel(1000)),
+            "by rover 2": other.declare_subscriber("infant/**", zenoh.handlers.FifoChannel(1000)),
+        }
+        got: dict[str, set[str]] = {name: set() for name in heard}
+
+        def viewer_served() -> bool:
+            rover.put("infant/rover1/pose", b"own")
+            with fleet.client("viewer") as second_viewer:
+                second_viewer.put("infant/rover1/pose/forged", b"x")
+            for name, subscriber in heard.items():
+                while (sample := subscriber.try_recv()) is not None:
+                    got[name].add(str(sample.key_expr))
+            return bool(got["by the viewer"])
+
+        assert until(viewer_served)
+    assert got == {"by the viewer": {"infant/rover1/pose"}, "by rover 2": set()}
+
+
+def test_who_has_no_certificate_or_that_of_a_stranger_does_not_get_in(fleet: Fleet) -> None:
+    bare = zenoh.Config()
+    bare.insert_json5("mode", '"client"')
+    bare.insert_json5("scouting/multicast/enabled", "false")
+    bare.insert_json5("connect/endpoints", json.dumps([fleet.endpoint]))
+    bare.insert_json5("transport/link/tls/root_ca_certificate", json.dumps(str(fleet.certificates / "ca.pem")))
+    with pytest.raises(zenoh.ZError):
+        zenoh.open(bare)
+    (fleet.certificates / "strangers" / "ca.pem").write_bytes((fleet.certificates / "ca.pem").read_bytes())
+    stranger = Fleet(fleet.certificates / "strangers", fleet.endpoint)
+    with pytest.raises(zenoh.ZError):
+        stranger.client("rover1")
