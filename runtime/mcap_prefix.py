@@ -92,8 +92,9 @@ class McapPrefix:
         if body != struct.pack("<I", data_crc):
             raise DamageError(self.offset, "the checksum over the whole file does not match")
         tail = stream.read()
-        if len(tail) < len(MAGIC) or not tail.endswith(MAGIC):
-            raise DamageError(self.offset, "the index after the data is torn")
+        covered, crc = tail[: -len(MAGIC) - 4], tail[-len(MAGIC) - 4 : -len(MAGIC)]
+        if not tail.endswith(MAGIC) or crc != struct.pack("<I", zlib.crc32(covered)):
+            raise DamageError(self.offset, "the index after the data is torn or damaged")
         self.offset = self.size
 
     def _chunk_messages(self, body: bytes) -> Iterator[tuple[str, int, bytes]]:
