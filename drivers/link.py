@@ -85,7 +85,7 @@ class SerialLink:
         if not os.path.exists(endpoint.path):
             raise LinkError(f"device file {endpoint.path} does not exist; check the cable and laser.url")
         if not os.access(endpoint.path, os.R_OK | os.W_OK):
-            raise LinkError(_permission(endpoint.path))
+            raise LinkError(permission_advice(endpoint.path))
         try:
             self._port = serial.Serial(endpoint.path, baud, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
         except (OSError, ValueError) as error:  # SerialException is an OSError
@@ -122,7 +122,7 @@ class SerialLink:
             return  # a device that was pulled out cannot be closed in order; the descriptor is gone all the same
 
 
-def _permission(path: str) -> str:
+def permission_advice(path: str) -> str:
     """Which group may use the device file."""
     status = os.stat(path)
     try:

@@ -54,7 +54,11 @@ def test_stamps_stay_within_a_millisecond_over_two_wraps_and_a_restart(drift_ppm
     device = SimulatedCounter(drift_ppm, COUNTER_MS - 60_000)
     assert clock.synchronise(device.answers(0, rng), DELAY_NS) is Reading.GOOD
     end_ns = round(4.7 * HOUR_NS)  # one wrap after a minute, one after 4.66 h
-    errors, stamps = run(clock, device, 50_000_000, end_ns, rng)
+    minutes_ns = 600 * 10**9
+    errors, stamps = run(clock, device, 50_000_000, minutes_ns, rng)
+    for begin_ns, stop_ns, every in ((minutes_ns, end_ns - minutes_ns, 5), (end_ns - minutes_ns, end_ns, 1)):
+        further_errors, further_stamps = run(clock, device, begin_ns, stop_ns, rng, every)
+        errors, stamps = errors + further_errors, stamps + further_stamps
     assert clock.wraps == 2
     assert clock.drift_ppm == pytest.approx(drift_ppm, abs=2.0)
 

@@ -1,0 +1,78 @@
+"""How long the laser takes: figures of the acceptance table, run by `make bench`."""
+
+import time
+
+import numpy as np
+import pytest
+
+from drivers.laser_clock import LaserClock
+from drivers.laser_journal import LaserJournal
+from drivers.laser_scans import ScanAssembly
+from drivers.laser_settings import LaserSettings
+from drivers.scip_commands import ScanRequest
+from drivers.scip_framing import MessageStream
+from drivers.scip_scan import ScanDecoder, encode_characters, encode_scan
+from drivers.simulated.laser_profiles import PROFILES
+from drivers.simulated.laser_settings import SimulatedLaserSettings
+from tests.drivers.laser_bench import driven, next_scan, simulated_laser
+
+REQUEST = ScanRequest("MD", 0, 1080)
+PERIOD_NS = 100_000_000
+
+
+def messages(count: int) -> list[bytes]:
+    rng = np.random.default_rng(0)
+    found = []
+    for number in range(count):
+        codes = rng.integers(0, 20000, 1081).astype(np.int32)
+        codes[:40] = 1
+        characters = encode_characters(codes, 3).tobytes()
+        found.append(encode_scan(REQUEST.encode(), "99", 100 * number, characters))
+    return found
+
+
+@pytest.mark.bench
+def test_a_scan_is_decoded_in_a_hundred_microseconds() -> None:
+    decoder, times_us = ScanDecoder(REQUEST), []
+    for raw in messages(500):
+        began_ns = time.perf_counter_ns()
+        decoder.decode(raw[:-2])
+        times_us.append((time.perf_counter_ns() - began_ns) * 1e-3)
+    print(f"\ndecode, sums checked: median {np.median(times_us):.1f} us, p99 {np.percentile(times_us, 99):.1f} us")
+    assert np.median(times_us) < 100.0
+
+
+@pytest.mark.bench
+def test_a_message_becomes_a_scan_without_holding_the_interpreter_for_long() -> None:
+    parameters = PROFILES["UTM-X001S"].parameters
+    journal = LaserJournal()
+    assembly = ScanAssembly(LaserSettings(), parameters, REQUEST, LaserClock(200.0), journal, {})
+    stream, times_us = MessageStream(), []
+    for number, raw in enumerate(messages(500)):
+        began_ns = time.perf_counter_ns()
+        (message,) = stream.feed(number * PERIOD_NS + 75_000_000, raw)
+        assert assembly.take(message) is not None
+        times_us.append((time.perf_counter_ns() - began_ns) * 1e-3)
+    print(f"\nbytes to Scan: median {np.median(times_us):.1f} us, p99 {np.percentile(times_us, 99):.1f} us")
+    assert np.median(times_us) < 200.0
+
+
+@pytest.mark.bench
+def test_a_scan_is_ready_ten_milliseconds_after_its_first_byte() -> None:
+    """The device sends when its last step is measured, so that the scan's own stamp says when its first byte left."""
+    laser = SimulatedLaserSettings(model="UTM-30LX", skew_ppm=0.0)
+    delays_ms = []
+    with simulated_laser(laser) as (device, room), driven(LaserSettings(url=device.url, rate_hz=40.0)) as driver:
+        next_scan(driver)
+        sweep_ns = round(0.025e9 * 1081 / 1440)
+        for _ in range(400):
+            scan = driver.latest()
+            while scan is None:
+                time.sleep(0.0005)  # as often as the measurement needs
+                scan = driver.latest()
+            now_ns = time.monotonic_ns()
+            begins = np.array(room.sweeps[-8:])
+            begin_ns = int(begins[np.argmin(np.abs(begins - scan.stamp_ns))])
+            delays_ms.append((now_ns - begin_ns - sweep_ns) * 1e-6)
+    print(f"\nfirst byte to Scan: median {np.median(delays_ms):.2f} ms, p99 {np.percentile(delays_ms, 99):.2f} ms")
+    assert np.percentile(delays_ms, 99) < 10.0
