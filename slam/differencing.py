@@ -23,8 +23,10 @@ VerdictArray = NDArray[np.uint8]
 CountArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 NANOSECOND_S = 1e-9
-WINDOW_RAD = 0.3
+WINDOW_RAD = 0.3  # very near the laser the tolerance would span the whole sweep
 PROBES = 4
+KEPT, NO_RETURN = int(BeamVerdict.KEPT), int(BeamVerdict.NO_RETURN)
+MOVED, NOT_COMPARED = int(BeamVerdict.MOVED), int(BeamVerdict.NOT_COMPARED)
 
 
 def equal_angle_difference(now: Scan, before: Scan | None, difference_m: float) -> VerdictArray:
@@ -34,7 +36,8 @@ def equal_angle_difference(now: Scan, before: Scan | None, difference_m: float) 
     """
     verdicts = np.full(now.ranges_m.shape, BeamVerdict.NOT_COMPARED, dtype=np.uint8)
     if before is not None and np.array_equal(now.bearings_rad, before.bearings_rad):
-        same = np.abs(now.ranges_m - before.ranges_m) <= difference_m
+        with np.errstate(invalid="ignore"):
+            same = np.abs(now.ranges_m - before.ranges_m) <= difference_m
         verdicts[:] = np.where(same, BeamVerdict.KEPT, BeamVerdict.MOVED)
     verdicts[~np.isfinite(now.ranges_m) | (now.ranges_m <= 0.0)] = BeamVerdict.NO_RETURN
     return verdicts
@@ -106,7 +109,7 @@ class CompensatedVote:
                 past_from_now.transform(placed.features_m),
                 past.features_m,
                 settings.feature_tolerance_m,
-                settings.tolerance_rad,
+                settings.tolerance_rad + 0.5 * past.beams.spacing_rad,
                 found_again,
             )
         least = min(settings.least_support, len(voters))
@@ -134,10 +137,6 @@ class CompensatedVote:
         while self._past and stamp_ns - self._past[0].beams.stamp_ns > oldest_ns:
             self._past.popleft()
         self._past.append(placed)
-
-
-KEPT, NO_RETURN = int(BeamVerdict.KEPT), int(BeamVerdict.NO_RETURN)
-MOVED, NOT_COMPARED = int(BeamVerdict.MOVED), int(BeamVerdict.NOT_COMPARED)
 
 
 @kernel

@@ -58,7 +58,7 @@ class FrontEndSettings(BaseModel):
         default=5, ge=1, le=20, description="at most so many earlier scans are compared with"
     )
     support_share: float = Field(
-        default=0.5, ge=0.0, le=1.0,
+        default=0.65, ge=0.0, le=1.0,
         description="least share of the scans that looked there and found it there too",
     )
     least_support: int = Field(
@@ -66,8 +66,8 @@ class FrontEndSettings(BaseModel):
         description="least number of scans that found it there too, where so many were compared",
     )
     tolerance_m: float = Field(
-        default=0.15, gt=0.0, le=5.0,
-        description="there means within this distance, m; a third of a walker's step",
+        default=0.12, gt=0.0, le=5.0,
+        description="there means within this distance, m; a fifth of what a walker goes in 0.5 s",
     )
     tolerance_rad: float = Field(
         default=0.006,
@@ -115,7 +115,7 @@ class FrontEndSettings(BaseModel):
         description="the same for segments of one or two beams, m: noise has such dips too",
     )
     roughness: float = Field(
-        default=0.15,
+        default=0.12,
         gt=0.0,
         le=2.0,
         description="RMS distance from a round trunk, in radii, beyond which a segment is none; a flat board has 0.22",
