@@ -3,7 +3,7 @@
 import json
 import math
 import time
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import zenoh
@@ -16,47 +16,38 @@ ENDPOINTS = tuple(f"tcp/127.0.0.1:{port}" for port in range(7447, 7453))
 """zenoh's own port, where a router would be, and the first five on which rovers of this machine listen."""
 
 ASK_S = 1.0
-POLL_S = 0.05
 STATUS_KEY = "infant/*/status"
 
 
-def fetch_status(connect: Sequence[str] = ENDPOINTS, timeout_s: float = ASK_S) -> list[Status]:
-    """Status of every rover that answers in time, by name; none if nobody does.
+def fetch_status(
+    connect: Sequence[str] = ENDPOINTS, timeout_s: float = ASK_S, config_file: str | None = None
+) -> list[Status]:
+    """Status of every rover that answers in time at any of the endpoints, by name; none if nobody does.
 
-    Raises zenoh.ZError when an endpoint is not one.
+    config_file: a zenoh configuration with the certificates for a fleet's router.
+    Raises ConfigurationError when that file cannot be used.
     """
-    with zenoh.open(tool_config(connect)) as session:
-        found: dict[str, Status] = {}
-        for reply in session.get(STATUS_KEY, timeout=timeout_s):
-            if reply.ok is not None:
-                status = json.loads(reply.ok.payload.to_bytes())
-                found[status["rover"]] = status
-        return [found[rover] for rover in sorted(found)]
+    found: dict[str, Status] = {}
+    for endpoint in connect:
+        try:
+            session = zenoh.open(tool_config(endpoint, config_file))
+        except zenoh.ZError:
+            continue  # nobody listens there, which is how most of these endpoints are
+        with session:
+            for reply in session.get(STATUS_KEY, timeout=timeout_s):
+                if reply.ok is not None:
+                    status = json.loads(reply.ok.payload.to_bytes())
+                    found[status["rover"]] = status
+    return [found[rover] for rover in sorted(found)]
 
 
-def follow_status(connect: Sequence[str] = ENDPOINTS, silence_s: float = 3.0) -> Generator[Status | None, None, None]:
-    """Each status as it is published; None whenever there was none for silence_s."""
-    with zenoh.open(tool_config(connect)) as session:
-        subscriber = session.declare_subscriber(STATUS_KEY, zenoh.handlers.FifoChannel(64))
-        waited_s = 0.0
-        while True:
-            sample = _next_sample(subscriber)
-            if sample is not None:
-                waited_s = 0.0
-                yield json.loads(sample.payload.to_bytes())
-                continue
-            waited_s += POLL_S
-            if waited_s >= silence_s:
-                waited_s = 0.0
-                yield None
-
-
-def _next_sample(subscriber: Any) -> Any:
-    """The next sample, None after POLL_S; a blocking recv would not let Ctrl-C through."""
-    sample = subscriber.try_recv()
-    if sample is None:
-        time.sleep(POLL_S)
-    return sample
+def watch_status(
+    connect: Sequence[str] = ENDPOINTS, period_s: float = 1.0, config_file: str | None = None
+) -> Iterator[list[Status]]:
+    """The same again and again, for ever: rovers may come and go."""
+    while True:
+        yield fetch_status(connect, period_s, config_file)
+        time.sleep(period_s)
 
 
 def status_line(status: Mapping[str, Any]) -> str:

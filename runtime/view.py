@@ -1,14 +1,13 @@
 """Looking at a run: the rerun viewer on this machine only, and pictures of it without a screen."""
 
 import os
-import shutil
 import socket
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
@@ -38,10 +37,13 @@ def open_review(folder: RunFolder, web: bool = False) -> int:
 
     Returns the viewer's exit code. Raises ConfigurationError when the viewer is not installed.
     """
-    command = [viewer_path(), str(review_path(folder)), "--bind", LOOPBACK, "--port", str(free_port())]
-    if web:
-        command += ["--web-viewer", "--web-viewer-port", str(free_port())]
-    return subprocess.call(command, env=viewer_environment())
+    return subprocess.call(viewer_command(review_path(folder), web), env=viewer_environment())
+
+
+def viewer_command(rrd: Path, web: bool) -> list[str]:
+    """The viewer's command line: every port that it opens is one of the loopback."""
+    command = [viewer_path(), str(rrd), "--bind", LOOPBACK, "--port", str(free_port())]
+    return [*command, "--web-viewer", "--web-viewer-port", str(free_port())] if web else command
 
 
 def screenshot(
@@ -90,12 +92,16 @@ def without_top_bar(png: Path) -> None:
 
 
 def viewer_path() -> str:
-    """The rerun command of this environment, not another one on the PATH."""
-    beside = Path(sys.executable).with_name("rerun")
-    path = str(beside) if beside.exists() else shutil.which("rerun")
-    if path is None:
+    """The viewer that came with the package rerun-sdk.
+
+    The program itself and not the command `rerun`, which would leave it running when it is ended.
+    Raises ConfigurationError when it is not installed.
+    """
+    package = find_spec("rerun_cli")
+    program = Path(package.origin).with_name("rerun") if package is not None and package.origin else None
+    if program is None or not program.exists():
         raise ConfigurationError("no rerun viewer found; install the package rerun-sdk into this environment")
-    return path
+    return str(program)
 
 
 def viewer_environment() -> dict[str, str]:

@@ -28,12 +28,15 @@ def rover_config(settings: PublishSettings, listen: Sequence[str]) -> zenoh.Conf
     return config
 
 
-def tool_config(connect: Sequence[str]) -> zenoh.Config:
-    """A peer that listens nowhere and talks to whichever of these endpoints answers."""
-    config = _silent_config()
-    config.insert_json5("mode", '"peer"')
-    config.insert_json5("listen/endpoints", "[]")
-    config.insert_json5("connect/endpoints", json.dumps(list(connect)))
+def tool_config(endpoint: str, config_file: str | None = None) -> zenoh.Config:
+    """A client of one rover or router. A peer would not do: routers do not pass messages from peer to peer.
+
+    config_file: zenoh configuration to start from, for certificates. Raises ConfigurationError.
+    """
+    config = _from_file(config_file) if config_file is not None else _silent_config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    config.insert_json5("connect/retry", RETRY)
     return config
 
 

@@ -101,7 +101,7 @@ def test_ros2_sees_pose_odometry_and_tf_under_the_right_type_hash() -> None:
             put_ticks(publisher, range(seq, seq + 1), 0.0)
             if until(lambda: len({message["key"] for message in listener.messages}) >= 3, 0.05):
                 break
-        with zenoh.open(tool_config([f"tcp/127.0.0.1:{port}"])) as session:
+        with zenoh.open(tool_config(f"tcp/127.0.0.1:{port}")) as session:
             tokens: list[str] = []
 
             def alive() -> bool:
@@ -146,7 +146,7 @@ def test_queries_answer_with_the_last_pose_map_status_and_configuration() -> Non
         publisher.note_health(Health(0, RunState.DEGRADED, ("laser stale",), {}, {"x": SinkHealth(1, 2)}, Quality.LOST))
         put_ticks(publisher, range(3), 0.0)
         answers: dict[str, bytes] = {}
-        with zenoh.open(tool_config([f"tcp/127.0.0.1:{port}"])) as session:
+        with zenoh.open(tool_config(f"tcp/127.0.0.1:{port}")) as session:
 
             def complete() -> bool:
                 for reply in session.get("infant/r1/*", timeout=1.0):
@@ -192,6 +192,40 @@ def test_a_stalled_subscriber_blocks_neither_put_nor_close() -> None:
         began_s = time.monotonic()
         publisher.close()
         assert time.monotonic() - began_s < 4.0
+
+
+def start_router(endpoint: str) -> "subprocess.Popen[str]":
+    router = subprocess.Popen(
+        [sys.executable, "-m", "tests.runtime.zenoh_router", endpoint], cwd=ROOT, stdout=subprocess.PIPE, text=True
+    )
+    assert router.stdout is not None
+    assert router.stdout.readline() == "ready\n"
+    return router
+
+
+def stop_router(router: "subprocess.Popen[str]") -> None:
+    router.kill()
+    router.wait()
+    assert router.stdout is not None
+    router.stdout.close()
+
+
+def test_a_killed_router_costs_put_nothing_and_is_found_again_within_two_seconds() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    router = start_router(endpoint)
+    try:
+        settings = settings_on(free_port(), connect=(endpoint,))
+        with publishing(settings) as publisher, listening(endpoint, "infant/**") as listener:
+            assert until(lambda: bool(put_ticks(publisher, range(1), 0.0)) and len(listener.messages) > 0)
+            stop_router(router)
+            costs_s = put_ticks(publisher, range(100), 0.01)
+            router = start_router(endpoint)
+            heard, began_s = len(listener.messages), time.monotonic()
+            assert until(lambda: bool(put_ticks(publisher, range(1), 0.0)) and len(listener.messages) > heard)
+            assert time.monotonic() - began_s < 2.0
+        assert np.percentile(costs_s, 99) < 1e-3
+    finally:
+        stop_router(router)
 
 
 def test_a_full_queue_loses_the_oldest_tick_and_counts_it() -> None:

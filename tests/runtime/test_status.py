@@ -8,7 +8,7 @@ import numpy as np
 from drivers.measurements import SensorHealth, SensorState
 from runtime.health import Health, RunState
 from runtime.publish_messages import status_object
-from runtime.status import fetch_status, follow_status, silence_sentence, status_line, status_table
+from runtime.status import fetch_status, silence_sentence, status_line, status_table, watch_status
 from slam.estimate import Quality
 from tests.runtime.recorded_values import make_estimate, make_tick, make_timing
 from tests.runtime.zenoh_wire import free_port, publishing, put_ticks, settings_on, until
@@ -71,15 +71,15 @@ def test_nobody_there_is_an_empty_answer_in_bounded_time() -> None:
     assert str(port) in silence_sentence([f"tcp/127.0.0.1:{port}"])
 
 
-def test_following_tells_of_every_status_and_of_silence() -> None:
+def test_watching_sees_a_rover_come_and_go() -> None:
     port = free_port()
-    with publishing(settings_on(port, status_hz=10.0)) as publisher:
+    watch = watch_status([f"tcp/127.0.0.1:{port}"], period_s=0.05)
+    assert next(watch) == []
+    with publishing(settings_on(port)) as publisher:
         assert publisher.opened(5.0)
-        stream = follow_status([f"tcp/127.0.0.1:{port}"], silence_s=0.2)
-        assert next(stream) is None
         put_ticks(publisher, range(5), 0.0)
-        assert [status["seq"] for status in (next(stream) for _ in range(5)) if status] == [0, 1, 2, 3, 4]
-        stream.close()
+        assert until(lambda: [status["rover"] for status in next(watch)] == ["r1"])
+    assert until(lambda: next(watch) == [])
 
 
 def test_a_line_holds_what_a_person_wants_to_know() -> None:

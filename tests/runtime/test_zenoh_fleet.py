@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from runtime.status import fetch_status
 from tests.runtime.ros_types import PoseWithCovarianceStamped, read
 from tests.runtime.zenoh_wire import ROOT, free_port, publishing, put_ticks, settings_on, until
 
@@ -72,6 +73,10 @@ def test_a_viewer_hears_each_rover_under_its_own_name(fleet: Fleet) -> None:
 
         assert until(both), heard.keys()
         assert until(lambda: any(reply.ok for reply in viewer.get("infant/rover1/status", timeout=1.0)))
+        assert [status["rover"] for status in fetch_status([fleet.endpoint], 1.0, str(fleet.file("viewer")))] == [
+            "rover1",
+            "rover2",
+        ]
         tokens = {str(reply.ok.key_expr) for reply in viewer.liveliness().get("infant/*/alive") if reply.ok}
     assert read(PoseWithCovarianceStamped, heard["infant/rover2/pose"]).header.frame_id == "map"
     assert tokens == {"infant/rover1/alive", "infant/rover2/alive"}

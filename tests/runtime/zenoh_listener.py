@@ -18,7 +18,9 @@ def say(line: str) -> None:
 
 
 def listen(endpoint: str, key: str, seconds: float) -> None:
-    with zenoh.open(tool_config([endpoint])) as session:
+    config = tool_config(endpoint)
+    config.insert_json5("connect/timeout_ms", "-1")  # wait for the rover to come up
+    with zenoh.open(config) as session:
         subscriber = session.declare_subscriber(key, zenoh.handlers.FifoChannel(1000))
         deadline_s = time.monotonic() + seconds
         say("ready")

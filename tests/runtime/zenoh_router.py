@@ -1,0 +1,24 @@
+"""A zenoh router in a process of its own, to be killed: python -m tests.runtime.zenoh_router ENDPOINT."""
+
+import json
+import sys
+import time
+
+import zenoh
+
+
+def route(endpoint: str) -> None:
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("scouting/gossip/enabled", "false")
+    config.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    with zenoh.open(config):
+        sys.stdout.write("ready\n")
+        sys.stdout.flush()
+        while True:
+            time.sleep(1.0)
+
+
+if __name__ == "__main__":
+    route(sys.argv[1])
