@@ -25,6 +25,9 @@ def rover_config(settings: PublishSettings, listen: Sequence[str]) -> zenoh.Conf
     config.insert_json5("connect/endpoints", json.dumps(list(settings.connect)))
     config.insert_json5("connect/retry", RETRY)
     config.insert_json5("transport/link/tx/lease", json.dumps(settings.lease_ms))
+    if settings.ros2:
+        # ROS 2 nodes are peers that learn of each other from their router; it passes no message from peer to peer
+        config.insert_json5("scouting/gossip/enabled", "true")
     return config
 
 

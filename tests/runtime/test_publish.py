@@ -18,7 +18,7 @@ from runtime.publish_settings import PublishSettings
 from runtime.ros2_keys import read_attachment
 from runtime.rover_topics import Pace
 from runtime.tick import SinkHealth
-from runtime.zenoh_session import next_port, tool_config
+from runtime.zenoh_session import next_port, rover_config, tool_config
 from slam.estimate import Quality
 from tests.runtime.recorded_values import make_estimate, make_tick, make_timing
 from tests.runtime.ros_types import FirstMarker, LaserScan, Odometry, PoseWithCovarianceStamped, TransformMessage, read
@@ -125,6 +125,21 @@ def test_ros2_sees_pose_odometry_and_tf_under_the_right_type_hash() -> None:
         ("odom", "base_link"),
     ]
     assert any("/MP/" in token and "%rover_1%pose" in token and token.endswith("::,10:,:,:,,") for token in tokens)
+
+
+def test_a_ros2_node_that_knows_only_its_router_hears_the_rover() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    router = start_router(endpoint)
+    try:
+        config = rover_config(settings_on(free_port(), connect=(endpoint,), ros2=True), ("tcp/127.0.0.1:0",))
+        with (
+            publishing(settings_on(free_port(), connect=(endpoint,), ros2=True)) as publisher,
+            zenoh.open(config) as node,
+        ):
+            subscriber = node.declare_subscriber("0/r1/pose/**", zenoh.handlers.FifoChannel(100))
+            assert until(lambda: bool(put_ticks(publisher, range(1), 0.0)) and subscriber.try_recv() is not None)
+    finally:
+        stop_router(router)
 
 
 def test_map_to_odom_times_odom_to_body_is_the_pose() -> None:

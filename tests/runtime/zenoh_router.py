@@ -1,4 +1,4 @@
-"""A zenoh router in a process of its own, to be killed: python -m tests.runtime.zenoh_router ENDPOINT."""
+"""A zenoh router as ROS 2 starts it, in a process of its own, to be killed: python -m tests.runtime.zenoh_router ENDPOINT."""
 
 import json
 import sys
@@ -11,7 +11,7 @@ def route(endpoint: str) -> None:
     config = zenoh.Config()
     config.insert_json5("mode", '"router"')
     config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("scouting/gossip/enabled", "false")
+    config.insert_json5("scouting/gossip/enabled", "true")
     config.insert_json5("listen/endpoints", json.dumps([endpoint]))
     with zenoh.open(config):
         sys.stdout.write("ready\n")
