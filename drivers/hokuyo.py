@@ -8,8 +8,9 @@ import math
 import threading
 from collections.abc import Callable
 
-from drivers.laser_clock import LaserClock, Reading
+from drivers.laser_clock import LaserClock
 from drivers.laser_connect import LaserConnector
+from drivers.laser_counter import Reading
 from drivers.laser_journal import AroundErrors, LaserJournal
 from drivers.laser_scans import ScanAssembly
 from drivers.laser_settings import LaserSettings

@@ -7,17 +7,14 @@ drift (Moon, Skelly, Towsley 1999: linear programming over the lower convex hull
 
 import math
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import Enum, auto
-from itertools import pairwise
 
-COUNTER_MS = 1 << 24
-NS_PER_MS = 1_000_000
-HALF_MS_NS = 500_000  # a counter of milliseconds is on average half a millisecond behind
-JUMP_MS = 1500  # more than any delay of a message that is worth having; a restart of the device jumps further
+from drivers.laser_counter import NS_PER_MS, CounterUnwrap, Reading
+from drivers.laser_drift import HALF_MS_NS, BucketMean, hull_slope, mean_slope, weigh
+
 BUCKET_NS = 2_000_000_000
 BUCKETS = 150  # five minutes: a crystal's drift changes with temperature, not faster
+ANCHOR_LATE_NS = 50_000_000  # by so much the first scan after TM may be later than usual
 ANCHOR_SPAN_NS = 120_000_000_000  # as long the offset hangs on the answers to TM
 MEANS_MIN = 3
 HULL_MIN = 6  # fewer points lie on a line by chance
@@ -28,14 +25,6 @@ PATH_BUCKETS = 5
 DELAY_STEP_NS = 2_000_000  # no crystal moves so far between two fits; the delay of the link has changed
 
 
-class Reading(Enum):
-    """What a counter value turned out to be."""
-
-    GOOD = auto()
-    STALE = auto()
-    RESTARTED = auto()
-
-
 @dataclass(frozen=True, slots=True)
 class Envelope:
     """Lower envelope of arrival minus device time: level_ns at device time at_ns, slope without unit."""
@@ -43,61 +32,6 @@ class Envelope:
     at_ns: int
     level_ns: float
     slope: float
-
-
-class BucketMean:
-    """Running mean of the points of a bucket, and the scatter around it (Welford)."""
-
-    def __init__(self, x: float, y: float) -> None:
-        self.x, self.y = float(x), float(y)
-        self._count = 1
-        self._squares = 0.0
-
-    def add(self, x: float, y: float) -> None:
-        """One more point."""
-        self._count += 1
-        before = y - self.y
-        self.x += (x - self.x) / self._count
-        self.y += before / self._count
-        self._squares += before * (y - self.y)
-
-    @property
-    def variance_of_mean(self) -> float:
-        """Square of the standard error."""
-        return self._squares / max(1, self._count - 1) / self._count
-
-
-class CounterUnwrap:
-    """24-bit counter of milliseconds to a count that only grows."""
-
-    def __init__(self) -> None:
-        self._last: tuple[int, int] | None = None
-        self._was_query = False
-        self.total_ms = 0
-        self.wraps = 0
-
-    def take(self, counter_ms: int, arrival_ns: int, is_query: bool = False) -> Reading:
-        """Put the value that arrived at a host time into total_ms.
-
-        is_query: the clock itself, asked with TM. A scan that arrives after it may have begun before it.
-        """
-        back_ms, self._was_query = JUMP_MS if self._was_query and not is_query else 0, is_query
-        if self._last is None:
-            self._last, self.total_ms = (counter_ms, arrival_ns), counter_ms
-            return Reading.GOOD
-        last_ms, last_ns = self._last
-        elapsed_ms = (arrival_ns - last_ns) / NS_PER_MS
-        step_ms = (counter_ms - last_ms) % COUNTER_MS
-        step_ms += COUNTER_MS * round((elapsed_ms - step_ms) / COUNTER_MS)  # a long silence may hide whole wraps
-        if step_ms == 0 and not (back_ms or is_query):
-            return Reading.STALE
-        self._last = (counter_ms, arrival_ns)
-        if step_ms < -back_ms or abs(step_ms - elapsed_ms) > JUMP_MS + elapsed_ms * 1e-3:
-            self.total_ms = counter_ms
-            return Reading.RESTARTED
-        self.wraps += (last_ms + step_ms) // COUNTER_MS
-        self.total_ms += step_ms
-        return Reading.GOOD
 
 
 class LaserClock:
@@ -118,6 +52,7 @@ class LaserClock:
         self._drift_sigma = DRIFT_PRIOR_PPM * 1e-6
         self._prior = (self._drift, self._drift_sigma)
         self._anchor: tuple[int, float] | None = None
+        self._is_anchor_checked = False
         self._envelope: Envelope | None = None
         self.delay_ns = 0.0
         self.bracket_ns = math.inf
@@ -177,6 +112,7 @@ class LaserClock:
         if reading is Reading.RESTARTED:
             self._restart()
         self._anchor = (at_ns, (low + high) / 2.0)
+        self._is_anchor_checked = False
         self.bracket_ns = (high - low) / 2.0
         return reading
 
@@ -185,6 +121,8 @@ class LaserClock:
         reading = self._unwrap.take(counter_ms, arrival_ns)
         if reading is Reading.STALE:
             return reading
+        if reading is Reading.GOOD and not self._fits_anchor(arrival_ns, nominal_delay_ns):
+            reading, self.delay_ns = Reading.RESTARTED, nominal_delay_ns
         if reading is Reading.RESTARTED:
             self._restart()
             self._anchor = None
@@ -219,6 +157,16 @@ class LaserClock:
         assert self._envelope is not None
         return arrival_ns - self._envelope.at_ns - self._envelope.level_ns
 
+    def _fits_anchor(self, arrival_ns: int, nominal_delay_ns: float) -> bool:
+        """False if the first scan after TM cannot be of the clock that answered: it began anew in between."""
+        if self._anchor is None or self._is_anchor_checked:
+            return True
+        self._is_anchor_checked = True
+        delay_ns = arrival_ns - self._unwrap.total_ms * NS_PER_MS - self._anchor[1]
+        expected_ns = self.delay_ns if self.delay_ns > 0.0 else nominal_delay_ns + 4.0 * ANCHOR_LATE_NS
+        is_late = delay_ns >= expected_ns + ANCHOR_LATE_NS
+        return delay_ns > -DELAY_STEP_NS and not is_late
+
     def _restart(self) -> None:
         """The counter has begun anew; the crystal is the same, so the drift stays known."""
         self._lowest.clear()
@@ -237,10 +185,10 @@ class LaserClock:
         drift, sigma = self._prior
         if len(self._lowest) >= HULL_MIN:
             points = [(x - at_ns, y - self._lowest[0][1]) for x, y in self._lowest]
-            slope, slope_sigma, self._scatter_ns = _hull_slope(points)
-            drift, sigma = _weigh(drift, sigma, slope, slope_sigma)
+            slope, slope_sigma, self._scatter_ns = hull_slope(points)
+            drift, sigma = weigh(drift, sigma, slope, slope_sigma)
         if MEANS_MIN <= len(self._means) and self._means[-1].x - self._means[0].x < MEANS_SPAN_NS:
-            drift, sigma = _weigh(drift, sigma, *_mean_slope(self._means))
+            drift, sigma = weigh(drift, sigma, *mean_slope(self._means))
         self._drift = max(-self._drift_max, min(self._drift_max, drift))
         self._drift_sigma = sigma
 
@@ -292,38 +240,3 @@ class LaserClock:
             self.delay_ns = envelope.level_ns - (offset_ns + envelope.slope * (envelope.at_ns - anchor_ns))
         elif before_ns is not None and abs(envelope.level_ns - before_ns) > DELAY_STEP_NS:
             self.delay_ns += envelope.level_ns - before_ns
-
-
-def _weigh(value: float, sigma: float, other: float, other_sigma: float) -> tuple[float, float]:
-    """Two estimates of one thing, by their variances."""
-    weight = sigma**2 / (sigma**2 + other_sigma**2)
-    return value + weight * (other - value), other_sigma * math.sqrt(weight)
-
-
-def _mean_slope(means: Sequence[BucketMean]) -> tuple[float, float]:
-    """Least squares through the means of the buckets; the deviation of the slope follows from the scatter inside."""
-    count = len(means)
-    middle_x, middle_y = sum(mean.x for mean in means) / count, sum(mean.y for mean in means) / count
-    spread = sum((mean.x - middle_x) ** 2 for mean in means)
-    slope = sum((mean.x - middle_x) * (mean.y - middle_y) for mean in means) / spread
-    variance = sum(mean.variance_of_mean for mean in means) / count
-    residual = sum((mean.y - middle_y - slope * (mean.x - middle_x)) ** 2 for mean in means) / (count - 2)
-    return slope, math.sqrt(max(variance, residual) / spread)
-
-
-def _hull_slope(points: Sequence[tuple[int, int]]) -> tuple[float, float, float]:
-    """Slope of the edge of the lower convex hull above the mean abscissa, its deviation, and the points' scatter."""
-    hull: list[tuple[int, int]] = []
-    for x, y in points:
-        while len(hull) > 1:
-            (x0, y0), (x1, y1) = hull[-2], hull[-1]
-            if (y1 - y0) * (x - x0) < (y - y0) * (x1 - x0):
-                break
-            hull.pop()
-        hull.append((x, y))
-    middle = sum(x for x, _ in points) / len(points)
-    (x0, y0), (x1, y1) = next(edge for edge in pairwise(hull) if edge[1][0] >= middle)
-    slope = (y1 - y0) / (x1 - x0)
-    residuals = sorted(y - slope * x for x, y in points)
-    scatter_ns = residuals[len(residuals) // 2] - residuals[0] + HALF_MS_NS / 2
-    return slope, scatter_ns / (points[-1][0] - points[0][0]), scatter_ns

@@ -4,7 +4,8 @@ from collections import deque
 
 import numpy as np
 
-from drivers.laser_clock import LaserClock, Reading
+from drivers.laser_clock import LaserClock
+from drivers.laser_counter import Reading
 from drivers.laser_journal import LaserJournal
 from drivers.laser_settings import LaserSettings
 from drivers.measurements import FloatArray, RangeArray, Scan, Severity, uniform_bearings

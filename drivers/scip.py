@@ -142,7 +142,7 @@ def parse_message(raw: bytes) -> Message:
     if len(status) == 1:
         return Message(echo, status.decode("ascii"), tuple(body), legacy=True)
     if len(status) != 3:
-        raise FramingError(f"message {raw[:24]!r} has the status line {status[:8]!r}, expected two characters and a sum")
+        raise FramingError(f"message {raw[:24]!r} has the status {status[:8]!r}, expected two characters and a sum")
     return Message(echo, unsummed(status).decode("ascii"), tuple(body))
 
 

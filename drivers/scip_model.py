@@ -130,7 +130,7 @@ class NoRange(StrEnum):
     OTHER = "other"
 
 
-# UTM-30LX and its relatives (DMAX above 20 m); 4 is read as too far by some drivers and as near the end of range by others
+# UTM-30LX and its relatives (DMAX above 20 m); of 4 drivers disagree: too far, or near the end of the range
 LONG_RANGE_CODES = {
     0: NoRange.OTHER,
     1: NoRange.TOO_FAR,

@@ -141,7 +141,8 @@ class ScanDecoder:
         values = _numbers(characters[characters != ECHO_MARK], self._request, self._width)
         # the mark at place p, with k marks before it, stands before value (p - k) / width
         further, odd = np.divmod(marks - np.arange(marks.size), self._width)
-        if odd.any() or (marks.size and (further[0] == 0 or further[-1] >= len(values) or (np.diff(further) == 0).any())):
+        is_outside = marks.size and (further[0] == 0 or further[-1] >= len(values))
+        if is_outside or odd.any() or (np.diff(further) == 0).any():
             raise FramingError("echo marks stand inside of numbers or without a number")
         is_first = np.ones(len(values), bool)
         is_first[further] = False

@@ -33,8 +33,10 @@ def test_scans_arrive_with_true_ranges_bearings_and_stamps() -> None:
 
 @pytest.mark.parametrize(
     ("model", "steps", "field_deg"),
-    [("UTM-30LX-EW", 1081, 270.0), ("UST-10LX", 1081, 270.0), ("UST-20LX", 1081, 270.0)]
-    + [("URG-04LX", 682, 239.4), ("UXM-30LX-E", 761, 190.0)],
+    [
+        *(("UTM-30LX-EW", 1081, 270.0), ("UST-10LX", 1081, 270.0), ("UST-20LX", 1081, 270.0)),
+        *(("URG-04LX", 682, 239.4), ("UXM-30LX-E", 761, 190.0)),
+    ],
 )
 def test_every_model_is_known_from_what_it_says(model: LaserModel, steps: int, field_deg: float) -> None:
     settings = SimulatedLaserSettings(model=model)
@@ -85,10 +87,12 @@ def test_an_angle_window_with_clusters_looks_where_it_says() -> None:
 
 
 def test_angles_that_the_model_does_not_have_are_clamped_and_told_once() -> None:
-    with simulated_laser(FAST) as (device, _):
-        with driven(LaserSettings(url=device.url, angle_min_deg=-170.0)) as driver:
-            scan = next_scan(driver)
-            events = driver.drain_events()
+    with (
+        simulated_laser(FAST) as (device, _),
+        driven(LaserSettings(url=device.url, angle_min_deg=-170.0)) as driver,
+    ):
+        scan = next_scan(driver)
+        events = driver.drain_events()
     assert scan.ranges_m.shape == (1081,)
     (event,) = [event for event in events if event.kind == "angles"]
     assert "sees from -135.0 to 135.0" in event.reason

@@ -49,7 +49,7 @@ def count_of(driver: Hokuyo, counter: str) -> int:
 
 def endure(fault: dict[str, Any], counter: str, times: int, rate_hz: float) -> list[float]:
     """Seconds from the end of each fault to the next scan; asserts that each one was counted."""
-    settings = {"rate_hz": rate_hz, "reboot_interval_s": 0.0}
+    settings = {"rate_hz": rate_hz, "reboot_interval_s": 0.0, "frozen_scans": 5}
     recoveries = []
     with simulated_laser(LASER) as (device, _), driven(LaserSettings(url=device.url, **settings)) as driver:
         next_scan(driver, 5.0)

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from drivers.laser_clock import COUNTER_MS, NS_PER_MS, LaserClock, Reading
+from drivers.laser_clock import LaserClock
+from drivers.laser_counter import COUNTER_MS, NS_PER_MS, Reading
 
 PERIOD_NS = 99_730_000  # no multiple of the counter's millisecond, as no motor is
 DELAY_NS = 75_000_000
@@ -158,3 +159,14 @@ def test_the_uncertainty_covers_the_error() -> None:
     errors, _ = run(clock, device, 50_000_000, 300 * 10**9, rng)
     assert abs(clock.drift_ppm - 50.0) < 4.0 * clock.drift_uncertainty_ppm
     assert abs(float(np.mean(errors[-100:]))) < clock.offset_uncertainty_ms + 0.5
+
+
+def test_a_restart_between_the_answers_and_the_first_scan_is_told_once() -> None:
+    clock = LaserClock(200.0)
+    clock.synchronise([(10**9, 1_000_200_000, 5000)], DELAY_NS)
+    clock.observe(5000, 1_075_000_000, DELAY_NS)
+    clock.synchronise([(2 * 10**9, 2_000_200_000, 300)], DELAY_NS)  # restarted, and again before its next scan
+    assert clock.observe(50, 2_125_000_000, DELAY_NS) is Reading.RESTARTED
+    clock.synchronise([(2_150_000_000, 2_150_200_000, 150)], DELAY_NS)
+    assert clock.observe(200, 2_275_000_000, DELAY_NS) is Reading.GOOD
+    assert clock.stamp_ns() == pytest.approx(2_200_000_000, abs=2_000_000)

@@ -20,8 +20,11 @@ def test_a_url_names_one_endpoint(url: str, expected: TcpEndpoint | SerialEndpoi
 
 @pytest.mark.parametrize(
     "url",
-    ["", "192.168.0.10", "udp://1.2.3.4:5", "tcp://", "tcp://h:99999", "tcp://h:1/path", "tcp://h?baud=1", "serial://"]
-    + ["serial:///", "serial:///dev/x?baud=12345", "serial:///dev/x?speed=19200", "serial://host/dev/x", "tcp://[::1"],
+    [
+        *("", "192.168.0.10", "udp://1.2.3.4:5", "tcp://", "tcp://h:99999", "tcp://h:1/path", "tcp://h?baud=1"),
+        *("serial://", "serial:///", "serial:///dev/x?baud=12345", "serial:///dev/x?speed=19200"),
+        *("serial://host/dev/x", "tcp://[::1"),
+    ],
 )
 def test_any_other_url_is_refused_with_the_forms_that_are_expected(url: str) -> None:
     with pytest.raises(ValidationError, match="tcp://HOST:PORT or serial:///dev/NAME"):

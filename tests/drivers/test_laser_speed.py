@@ -1,5 +1,6 @@
 """How long the laser takes: figures of the acceptance table, run by `make bench`."""
 
+import sys
 import time
 
 import numpy as np
@@ -20,6 +21,10 @@ REQUEST = ScanRequest("MD", 0, 1080)
 PERIOD_NS = 100_000_000
 
 
+def report(line: str) -> None:
+    sys.stdout.write(f"\n{line}\n")
+
+
 def messages(count: int) -> list[bytes]:
     rng = np.random.default_rng(0)
     found = []
@@ -38,7 +43,7 @@ def test_a_scan_is_decoded_in_a_hundred_microseconds() -> None:
         began_ns = time.perf_counter_ns()
         decoder.decode(raw[:-2])
         times_us.append((time.perf_counter_ns() - began_ns) * 1e-3)
-    print(f"\ndecode, sums checked: median {np.median(times_us):.1f} us, p99 {np.percentile(times_us, 99):.1f} us")
+    report(f"decode, sums checked: median {np.median(times_us):.1f} us, p99 {np.percentile(times_us, 99):.1f} us")
     assert np.median(times_us) < 100.0
 
 
@@ -53,7 +58,7 @@ def test_a_message_becomes_a_scan_without_holding_the_interpreter_for_long() -> 
         (message,) = stream.feed(number * PERIOD_NS + 75_000_000, raw)
         assert assembly.take(message) is not None
         times_us.append((time.perf_counter_ns() - began_ns) * 1e-3)
-    print(f"\nbytes to Scan: median {np.median(times_us):.1f} us, p99 {np.percentile(times_us, 99):.1f} us")
+    report(f"bytes to Scan: median {np.median(times_us):.1f} us, p99 {np.percentile(times_us, 99):.1f} us")
     assert np.median(times_us) < 200.0
 
 
@@ -74,5 +79,5 @@ def test_a_scan_is_ready_ten_milliseconds_after_its_first_byte() -> None:
             begins = np.array(room.sweeps[-8:])
             begin_ns = int(begins[np.argmin(np.abs(begins - scan.stamp_ns))])
             delays_ms.append((now_ns - begin_ns - sweep_ns) * 1e-6)
-    print(f"\nfirst byte to Scan: median {np.median(delays_ms):.2f} ms, p99 {np.percentile(delays_ms, 99):.2f} ms")
+    report(f"first byte to Scan: median {np.median(delays_ms):.2f} ms, p99 {np.percentile(delays_ms, 99):.2f} ms")
     assert np.percentile(delays_ms, 99) < 10.0

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from drivers.laser_settings import LaserSettings
 from drivers.laser_window import scan_request
+from drivers.scip_model import Parameters
 from drivers.simulated.laser_profiles import PROFILES
 
 UTM = PROFILES["UTM-30LX"].parameters
@@ -15,7 +16,7 @@ URG = PROFILES["URG-04LX"].parameters
 
 @given(st.floats(-180, 179), st.floats(1, 360), st.sampled_from([UTM, URG]), st.integers(1, 99))
 def test_the_window_is_inside_the_laser_and_inside_what_was_asked(
-    low_deg: float, width_deg: float, parameters: type(UTM), cluster: int  # type: ignore[valid-type]
+    low_deg: float, width_deg: float, parameters: Parameters, cluster: int
 ) -> None:
     high_deg = min(180.0, low_deg + width_deg)
     settings = LaserSettings(angle_min_deg=low_deg, angle_max_deg=high_deg, cluster=cluster)
@@ -44,7 +45,9 @@ def test_a_window_wholly_outside_is_the_whole_laser() -> None:
     assert warning
 
 
-@pytest.mark.parametrize(("speed_rpm", "rate_hz", "interval"), [(2400, 10, 3), (2400, 40, 0), (600, 10, 0), (600, 40, 0)])
+@pytest.mark.parametrize(
+    ("speed_rpm", "rate_hz", "interval"), [(2400, 10, 3), (2400, 40, 0), (600, 10, 0), (600, 40, 0)]
+)
 def test_scans_are_left_out_of_a_faster_laser(speed_rpm: int, rate_hz: float, interval: int) -> None:
     parameters = dataclasses.replace(UTM, speed_rpm=speed_rpm)
     assert scan_request(LaserSettings(rate_hz=rate_hz), parameters)[0].interval == interval

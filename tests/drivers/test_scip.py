@@ -1,3 +1,5 @@
+from contextlib import suppress
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -137,16 +139,11 @@ def test_a_damaged_message_is_refused_with_its_reason(raw: bytes, error: type[Sc
 
 @given(st.binary(max_size=300))
 def test_arbitrary_bytes_raise_nothing_outside_the_family(raw: bytes) -> None:
-    try:
-        message = parse_message(raw)
-        parse_key_values(message)
-    except ScipError:
-        pass
+    with suppress(ScipError):
+        parse_key_values(parse_message(raw))
     for parse in (unsummed, decode_number, parse_time):
-        try:
+        with suppress(ScipError):
             parse(raw)
-        except ScipError:
-            pass
 
 
 def test_only_reboots_end_a_fault_and_a_fault_is_never_transient() -> None:

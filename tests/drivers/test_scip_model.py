@@ -1,3 +1,5 @@
+from contextlib import suppress
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -41,10 +43,8 @@ def test_numbers_that_contradict_each_other_are_refused(wrong: dict[str, str]) -
 
 @given(st.dictionaries(st.sampled_from(list(VALUES)), st.text(max_size=10)))
 def test_arbitrary_values_raise_nothing_outside_the_family(values: dict[str, str]) -> None:
-    try:
+    with suppress(ParameterError):
         parse_parameters(VALUES | values)
-    except ParameterError:
-        pass
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,8 @@ def test_booting_is_told_in_both_wordings() -> None:
     [
         *(("UTM-30LX", 1, NoRange.TOO_FAR), ("UTM-30LX", 2, NoRange.TOO_NEAR), ("UTM-30LX", 3, NoRange.INTERFERENCE)),
         *(("UTM-30LX", 22, NoRange.OTHER), ("UTM-30LX", 60001, NoRange.TOO_FAR), ("UST-10LX", 65533, NoRange.TOO_FAR)),
-        *(("URG-04LX", 0, NoRange.TOO_FAR), ("URG-04LX", 7, NoRange.INTERFERENCE), ("URG-04LX", 19, NoRange.MALFUNCTION)),
+        *(("URG-04LX", 0, NoRange.TOO_FAR), ("URG-04LX", 7, NoRange.INTERFERENCE)),
+        ("URG-04LX", 19, NoRange.MALFUNCTION),
     ],
 )
 def test_a_code_means_what_its_model_means_by_it(model: str, code: int, meaning: NoRange) -> None:

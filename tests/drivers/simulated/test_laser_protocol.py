@@ -59,7 +59,8 @@ def test_every_model_describes_itself_in_lines_that_old_clients_can_hold(model: 
     [
         *((b"XX", "0E"), (b"VVV", "0D"), (b"TM", "0C"), (b"TM3", "01"), (b"TM1", "04"), (b"TM2", "03")),
         *((b"MD0000108101000", "04"), (b"MD0500010001000", "05"), (b"GD0000108001", "10"), (b"MD00001080", "0C")),
-        *((b"SS115200", "04"), (b"CR05", "04"), (b"HS0", "0E"), (b"%ST", "0E"), (b"SCIP2.0", "0E"), (b"ND0000108001000", "0E")),
+        *((b"SS115200", "04"), (b"CR05", "04"), (b"HS0", "0E"), (b"%ST", "0E"), (b"SCIP2.0", "0E")),
+        (b"ND0000108001000", "0E"),
         *((b"VV;a*", "0H"), (b"VV;" + b"a" * 17, "0G"), (b"VV;text", "00"), (b"QT\r", "00")),
     ],
 )
@@ -121,7 +122,8 @@ def test_only_a_reboot_leaves_the_error_state_and_it_takes_two_commands_within_a
 
 def test_a_urg_speaks_scip_1_1_until_it_is_told_to_speak_2() -> None:
     profile = profile_of(SimulatedLaserSettings(model="URG-04LX"))
-    protocol = LaserProtocol(profile, LaserMotor(profile.parameters, 0.0, 1.0, 0, 0), lambda: Sweep(0, np.zeros(682, np.int32)))
+    motor = LaserMotor(profile.parameters, 0.0, 1.0, 0, 0)
+    protocol = LaserProtocol(profile, motor, lambda: Sweep(0, np.zeros(682, np.int32)))
     assert protocol.reply(b"QT", 0) == b"QT\nE\n\n"
     assert protocol.reply(b"V", 0).startswith(b"V\n0\nVEND:")
     assert protocol.reply(b"SCIP2.0", 0) == b"SCIP2.0\n0\n\n"
@@ -134,7 +136,9 @@ def test_a_urg_speaks_scip_1_1_until_it_is_told_to_speak_2() -> None:
     ]
 
 
-@pytest.mark.parametrize("command", [b"HD0000108001", b"HE0000108001", b"GE0000108002", b"GS0000108000", b"GD0100020003"])
+@pytest.mark.parametrize(
+    "command", [b"HD0000108001", b"HE0000108001", b"GE0000108002", b"GS0000108000", b"GD0100020003"]
+)
 def test_single_scans_of_every_kind_are_decoded(command: bytes) -> None:
     protocol = laser("UTM-30LX-EW")
     protocol.reply(b"BM", 0)
