@@ -16,10 +16,6 @@ class ArrivalClock:
         self._offset_ns: float | None = None
         self._last: tuple[int, int] | None = None
 
-    def restart(self) -> None:
-        """Forget the clocks so far, for a bus that was opened anew."""
-        self._offset_ns = self._last = None
-
     def stamp_ns(self, monotonic_ns: int, system_s: float) -> int:
         """When the frame arrived. monotonic_ns: when it was read; system_s: what the bus says, 0 where it does not."""
         if system_s <= 0.0:

@@ -38,7 +38,8 @@ def advice(bus: BusSettings, error: BaseException) -> str:
     if number in FORBIDDEN:
         return f"{where}: no permission; {_permit(bus)}"
     if number == errno.ENETDOWN:
-        return f"{where}: the interface is down; sudo ip link set {bus.channel} up type can bitrate {bus.bitrate}"
+        kind = "" if bus.channel.startswith(("vcan", "slcan")) else f" type can bitrate {bus.bitrate}"
+        return f"{where}: the interface is down; sudo ip link set {bus.channel} up{kind}"
     if number == errno.EBUSY:
         return f"{where}: another program holds it; find it with: sudo fuser -v {bus.channel}"
     return f"{where}: {error}; check [encoders.bus]: interface, channel, options"

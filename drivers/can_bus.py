@@ -20,12 +20,21 @@ FILTERED_IN_KERNEL = ("socketcan",)  # python-can's own filter in other back end
 
 
 class CanBus:
-    """An open bus. Raises LinkError with the command that mends it when it cannot be opened."""
+    """An open bus. Raises LinkError with the command that mends it when it cannot be opened.
 
-    def __init__(self, settings: BusSettings, ids: Iterable[int], now_ns: Callable[[], int]) -> None:
+    clock: kept over sessions by a caller that opens again, since the first frames of a session are read late.
+    """
+
+    def __init__(
+        self,
+        settings: BusSettings,
+        ids: Iterable[int],
+        now_ns: Callable[[], int],
+        clock: ArrivalClock | None = None,
+    ) -> None:
         self.settings = settings
         self._now_ns = now_ns
-        self._clock = ArrivalClock()
+        self._clock = clock if clock is not None else ArrivalClock()
         try:
             self._bus = open_bus(settings, ids)
         except Exception as error:  # back ends raise whatever their vendor's library raises

@@ -5,6 +5,7 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable
 
+from drivers.arrival_clock import ArrivalClock
 from drivers.can_advice import bitrate_advice, bus_off_advice
 from drivers.can_bus import BusReadError, CanBus
 from drivers.can_errors import BusCondition, ErrorFrames
@@ -139,9 +140,10 @@ class CanEncoders:
         """Open, read until the bus fails, open again with back-off; for as long as the rover runs."""
         bus_settings = self._settings.bus
         wait_s, silence_s = bus_settings.backoff_min_s, bus_settings.silence_s
+        clock = ArrivalClock()
         while not self._stop.is_set():
             try:
-                bus = CanBus(bus_settings, self._frames.ids, self._now_ns)
+                bus = CanBus(bus_settings, self._frames.ids, self._now_ns, clock)
             except LinkError as error:
                 self._note_link("open", str(error))
                 self._stop.wait(wait_s)
@@ -164,7 +166,7 @@ class CanEncoders:
 
     def _read(self, bus: CanBus, silence_s: float) -> bool:
         """Feed frames until the bus is to be opened anew; returns whether any frame was heard."""
-        heard, errors, jumps = False, 0, 0
+        heard, errors, jumps = False, 0, bus.clock_jumps
         last_ns = self._now_ns()
         self._wake_up(bus)
         while not self._stop.is_set():

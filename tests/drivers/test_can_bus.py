@@ -28,6 +28,7 @@ SERIAL = BusSettings(interface="slcan", channel="/dev/ttyUSB0")
         (CAN0, errno.ENODEV, "sudo ip link set can0 up type can bitrate 500000"),
         (VCAN0, errno.ENODEV, "sudo ip link add vcan0 type vcan && sudo ip link set vcan0 up"),
         (CAN0, errno.ENETDOWN, "sudo ip link set can0 up type can bitrate 500000"),
+        (VCAN0, errno.ENETDOWN, "sudo ip link set vcan0 up"),
         (CAN0, errno.EPERM, "RestrictAddressFamilies=AF_CAN"),
         (SERIAL, errno.EACCES, "sudo usermod -aG dialout"),
         (SERIAL, errno.ENOENT, "ls /dev"),
@@ -150,6 +151,16 @@ def test_a_jump_of_the_system_clock_is_counted_and_changes_no_stamp(hours: float
     times = stamps(clock, readings)
     assert clock.jumps == 1
     assert all(abs(time_ns - i * 20_000_000) < 100_000 for i, time_ns in enumerate(times))
+
+
+def test_a_bus_opened_anew_whose_first_frames_waited_keeps_its_clock() -> None:
+    clock = ArrivalClock()
+    stamps(clock, [(i * 20_000_000, 1.7e9 + i * 0.02) for i in range(50)])
+    late = [(60 * 20_000_000, 1.7e9 + i * 0.02) for i in range(55, 60)]
+    times = stamps(clock, late)
+    assert all(
+        abs(time_ns - i * 20_000_000) < 1_000_000 for i, time_ns in zip(range(55, 60), times, strict=True)
+    )
 
 
 def test_a_bus_without_stamps_uses_the_arrival() -> None:

@@ -23,7 +23,7 @@ from drivers.simulated.candump_replay import CandumpReplay
 from drivers.simulated.wheel_node import WheelNode
 from drivers.simulated.wheel_settings import SimulatedWheelSettings
 from drivers.wheel_frames import CanFrame
-from drivers.wheel_settings import BusSettings, EncoderSettings
+from drivers.wheel_settings import BusSettings, Cia406Layout, EncoderSettings
 from tests.drivers.waiting import wait_until
 
 NOISELESS = SimulatedWheelSettings(slip_std_per_m=0.0)
@@ -355,6 +355,27 @@ def test_a_recorded_candump_replayed_over_the_bus_arrives_whole(recorded_data: C
     # 0xFFFFFF00 to 0x471F through the wrap, as the file's first and last lines say
     last = listener.samples[-1]
     assert (last.left, last.right) == pytest.approx((0x471F + 0x100,) * 2, abs=40)  # a frame is 37 counts
+
+
+def test_canopen_nodes_are_started_when_the_bus_opens_and_after_a_boot_up() -> None:
+    pytest.importorskip("canopen", reason="the extra canopen is not installed")
+    bus = virtual_bus()
+    node = CanBus(bus, (), time.monotonic_ns)
+    settings = EncoderSettings(bus=bus, layout=Cia406Layout(kind="cia406", left_node=5, right_node=6))
+    encoders = CanEncoders(settings, time.monotonic_ns)
+    encoders.start()
+
+    def next_two() -> list[tuple[int, bytes]]:
+        received = [node.receive(2.0) for _ in range(2)]
+        return [(frame.arbitration_id, frame.data) for frame in received if frame is not None]
+
+    try:
+        assert next_two() == [(0, b"\x01\x05"), (0, b"\x01\x06")]
+        node.send(CanFrame(0, 0x705, b"\0"))
+        assert next_two() == [(0, b"\x01\x05"), (0, b"\x01\x06")]
+    finally:
+        encoders.close()
+        node.close()
 
 
 def test_close_returns_within_two_seconds_whatever_the_bus_does() -> None:
