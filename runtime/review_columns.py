@@ -16,6 +16,10 @@ Columns = Mapping[str, Sequence[Any]]
 GRAIN_M = 1.0 / 256.0  # 4 mm: far below what a picture shows, and the zero bits that are left compress
 
 
+HEIGHTS_M = {"map/path": 0.05, "map/landmarks": 0.1, "map/association": 0.15, "map/particles": 0.2}
+"""What lies over what when seen from above; all else lies at 0."""
+
+
 class ReviewColumns:
     """Gathers rows and sends them with `flush`; rows of one entity must all be of one kind."""
 
@@ -36,19 +40,19 @@ class ReviewColumns:
 
     def points(self, path: str, points_m: FloatArray) -> None:
         """Points (N, 2) in the map; style is static."""
-        self._add(path, "points", flat(points_m))
+        self._add(path, "points", flat(points_m, height_m(path)))
 
     def named_points(self, path: str, points_m: FloatArray, colors: NDArray[np.uint8], labels: list[str]) -> None:
         """Points (N, 2) with a colour (N, 3) and a label each."""
-        self._add(path, "named points", (flat(points_m), colors, labels))
+        self._add(path, "named points", (flat(points_m, height_m(path)), colors, labels))
 
     def strips(self, path: str, strips_m: list[FloatArray]) -> None:
         """Lines, each (K, 2)."""
-        self._add(path, "strips", [flat(strip) for strip in strips_m])
+        self._add(path, "strips", [flat(strip, height_m(path)) for strip in strips_m])
 
     def ellipses(self, path: str, means_m: FloatArray, covariances_m2: FloatArray, sigmas: float, colors: Any) -> None:
         """Covariance ellipses of (N, 2, 2) around (N, 2); colors (N, 4), or None where the style is static."""
-        self._add(path, "ellipses", (flat(means_m), *ellipse_axes(covariances_m2, sigmas), colors))
+        self._add(path, "ellipses", (flat(means_m, height_m(path)), *ellipse_axes(covariances_m2, sigmas), colors))
 
     def pose(self, path: str, pose: Pose2) -> None:
         """Frame of what is drawn below this path."""
@@ -74,9 +78,14 @@ class ReviewColumns:
         self._rows.setdefault(path, []).append((self._elapsed_ns, self._tick, row))
 
 
-def flat(points_m: FloatArray) -> NDArray[np.float32]:
-    """Points (N, 2) as (N, 3) at height 0, on a grid of GRAIN_M."""
-    positions = np.zeros((points_m.shape[0], 3), np.float32)
+def height_m(path: str) -> float:
+    """Height at which an entity is drawn."""
+    return next((height for start, height in HEIGHTS_M.items() if path.startswith(start)), 0.0)
+
+
+def flat(points_m: FloatArray, height: float = 0.0) -> NDArray[np.float32]:
+    """Points (N, 2) as (N, 3) at one height, on a grid of GRAIN_M."""
+    positions = np.full((points_m.shape[0], 3), height, np.float32)
     positions[:, :2] = np.round(points_m / GRAIN_M) * GRAIN_M
     return positions
 

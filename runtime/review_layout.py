@@ -53,6 +53,7 @@ CURVES: dict[str, Color] = {
     "plots/sensors/wheels_age_ms": ODOMETRY,
 }
 
+ROVER_HEIGHT_M = 0.25  # over all else
 AROUND_M = 18.0  # from where the view around the rover shows 9 m to either side
 
 LEGEND = """\
@@ -148,8 +149,9 @@ def draw_static(recording: rr.RecordingStream, facts: dict[str, str], sigmas: fl
 
 def _draw_rover(recording: rr.RecordingStream, path: str, color: Color) -> None:
     """An outline of 0.7 m by 0.5 m with a nose, and an arrow ahead that is seen from far."""
-    outline_m = [(-0.35, -0.25, 0), (0.2, -0.25, 0), (0.35, 0, 0), (0.2, 0.25, 0), (-0.35, 0.25, 0), (-0.35, -0.25, 0)]
-    shape = rr.LineStrips3D([outline_m, [(0, 0, 0), (1.2, 0, 0)]], colors=[color], radii=rr.Radius.ui_points(1.6))
+    corners_m = ((-0.35, -0.25), (0.2, -0.25), (0.35, 0.0), (0.2, 0.25), (-0.35, 0.25), (-0.35, -0.25))
+    strips_m = [[(x, y, ROVER_HEIGHT_M) for x, y in strip] for strip in (corners_m, ((0.0, 0.0), (1.2, 0.0)))]
+    shape = rr.LineStrips3D(strips_m, colors=[color], radii=rr.Radius.ui_points(1.6))
     recording.log(f"{path}/shape", shape, static=True)
 
 

@@ -102,7 +102,7 @@ def test_a_matched_feature_has_a_spoke_to_its_landmark(drawn: Drawn) -> None:
     spokes = drawn.values[("/map/association/matched", "strips")][-1]
     landmarks_m = np.array(drawn.values[("/map/landmarks", "positions")][-1])
     ends_m = np.array([[list(point) for point in spoke] for spoke in spokes])[:, -1]
-    nearest_m = np.linalg.norm(ends_m[:, None] - landmarks_m[None], axis=2).min(axis=1)
+    nearest_m = np.linalg.norm(ends_m[:, None, :2] - landmarks_m[None, :, :2], axis=2).min(axis=1)
     assert np.median(nearest_m) < 0.01
 
 
