@@ -78,9 +78,9 @@ class RunFolder:
         return self.path / "replays"
 
     def newest_replay(self) -> "RunFolder | None":
-        """The latest of the replays kept inside this run."""
-        replays = sorted(path.parent for path in self.replays_path.glob("*/run.mcap"))
-        return RunFolder(replays[-1]) if replays else None
+        """The finished replay inside this run that ended last."""
+        summaries = sorted(self.replays_path.glob("*/summary.json"), key=lambda path: path.stat().st_mtime_ns)
+        return RunFolder(summaries[-1].parent) if summaries else None
 
     def write_configuration(self, text: str) -> None:
         """Keep the configuration in force. Raises StorageError."""

@@ -98,6 +98,7 @@ def test_an_imported_run_is_evaluated_by_its_newest_replay(tmp_path: Path) -> No
     for name in ("20260101T000000Z-aaaaaa", "20260101T000001Z-bbbbbb"):
         write_run(tmp_path / "run" / "replays" / name, "replay of run", simulated=False)
         (tmp_path / "run" / "replays" / name / "summary.json").write_text("{}")
+    write_run(tmp_path / "run" / "replays" / "20260101T000002Z-broken", "replay of run")  # no summary: not finished
     figures = evaluate(tmp_path / "run")
     assert figures["estimates"].endswith("bbbbbb")
     assert Path(figures["trajectory"]).parent == tmp_path / "run"

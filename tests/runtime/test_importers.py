@@ -178,6 +178,21 @@ def test_the_scans_own_odometry_is_kept_exactly(tmp_path: Path) -> None:
     assert [sample.stamp_ns for sample in samples] == sorted({*stamps_ns, *scan_stamps_ns})
 
 
+def test_what_the_log_says_otherwise_is_shared_out_over_the_way() -> None:
+    poses = [Pose2(0.1 * k, 0.0, 0.0) for k in range(21)]
+    stamps_ns = list(range(0, 2100, 100))
+    samples = agreeing_poses(stamps_ns, poses, [0, 2000], [poses[0], Pose2(2.2, 0.2, 0.0)])
+    steps_m = [b.x_m - a.x_m for a, b in itertools.pairwise(samples)]
+    np.testing.assert_allclose(steps_m, 0.11, atol=1e-9)
+    np.testing.assert_allclose([b.y_m - a.y_m for a, b in itertools.pairwise(samples)], 0.01, atol=1e-9)
+
+
+def test_a_base_that_stands_in_the_log_stands() -> None:
+    poses = [Pose2(0.1 * min(k, 10), 0.0, 0.0) for k in range(21)]
+    samples = agreeing_poses(list(range(0, 2100, 100)), poses, [0, 2000], [poses[0], Pose2(1.2, 0.0, 0.0)])
+    np.testing.assert_allclose([sample.x_m for sample in samples[10:]], 1.2, atol=1e-9)
+
+
 def test_odometry_that_agrees_already_is_not_bent() -> None:
     poses = random_walk(np.random.default_rng(2), 40)
     stamps_ns = list(range(0, 4000, 100))

@@ -17,6 +17,7 @@ from drivers.measurements import WheelCounts
 from runtime.errors import RunExistsError, StorageError
 from runtime.messages import LaserBytes, Record, decode_laser_bytes
 from runtime.record import QUEUE_ITEMS, Recorder
+from runtime.record_file import RecordFile
 from runtime.ros_messages import decode_can_frame
 from runtime.run_folder import RunFolder
 from runtime.run_reader import RunReader
@@ -105,6 +106,13 @@ def test_a_run_is_never_overwritten(tmp_path: Path) -> None:
     with pytest.raises(RunExistsError, match="never overwritten"):
         start(tmp_path / "run")
     assert (tmp_path / "run" / "run.mcap").read_bytes() == before
+
+
+def test_a_record_is_never_written_over_another(tmp_path: Path) -> None:
+    (tmp_path / "run.mcap").write_text("last week's")
+    with pytest.raises(StorageError, match="File exists"):
+        RecordFile(tmp_path / "run.mcap", {})
+    assert (tmp_path / "run.mcap").read_text() == "last week's"
 
 
 def test_runs_without_a_name_get_one_that_sorts_by_time(tmp_path: Path) -> None:
