@@ -6,6 +6,7 @@ swaps references.
 
 import math
 import threading
+import traceback
 from collections.abc import Callable
 
 from drivers.laser_clock import LaserClock
@@ -136,6 +137,10 @@ class Hokuyo:
                 if self._stop.is_set():
                     break
                 self._note_failure(error)
+            except Exception as error:  # noqa: BLE001 a defect here must not cost the rover its laser
+                place = traceback.format_tb(error.__traceback__)[-1]
+                text = " ".join(f"defect in the laser driver, reconnecting: {error!r} {place}".split())
+                self._journal.note(self._now_ns(), "defects", text, Severity.ERROR)
             if self._last_scan_ns != before_ns:
                 wait_s = self._settings.retry_min_s
             if self._stop.wait(wait_s):

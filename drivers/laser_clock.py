@@ -165,7 +165,8 @@ class LaserClock:
         delay_ns = arrival_ns - self._unwrap.total_ms * NS_PER_MS - self._anchor[1]
         expected_ns = self.delay_ns if self.delay_ns > 0.0 else nominal_delay_ns + 4.0 * ANCHOR_LATE_NS
         is_late = delay_ns >= expected_ns + ANCHOR_LATE_NS
-        return delay_ns > -DELAY_STEP_NS and not is_late
+        is_early = delay_ns + DELAY_STEP_NS < 0
+        return not (is_early or is_late)
 
     def _restart(self) -> None:
         """The counter has begun anew; the crystal is the same, so the drift stays known."""

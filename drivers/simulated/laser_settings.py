@@ -34,7 +34,7 @@ class LaserFault(BaseModel):
     kind: FaultKind
     start_s: float = Field(0.0, ge=0.0, description="s after the device's start, or after injection")
     duration_s: float | None = Field(None, gt=0.0, description="s; absent: until it is cleared")
-    status: str = Field("0L", pattern=r"^(0L|0M|[2-9][0-9])$", description="for status: what is sent; 0L, 50-97 need RB")
+    status: str = Field("0L", pattern=r"^(0L|0M|[2-9][0-9])$", description="for status: its code; 0L, 50-97 need RB")
     delay_s: float = Field(0.3, gt=0.0, le=10.0, description="s, for delayed; well above the jitter of a network")
     keep_every: int = Field(3, ge=2, le=100, description="for slow: one scan of so many is sent")
     loss: float = Field(0.5, gt=0.0, le=1.0, description="for intermittent: share of messages lost")
@@ -54,7 +54,7 @@ class SimulatedLaserSettings(BaseModel):
     port: int = Field(0, ge=0, le=65535, description="TCP port; 0: any that is free")
     pty: str | None = Field(None, description="path of a link to a pseudo-terminal that is served as well")
     skew_ppm: float = Field(
-        20.0, ge=-2000.0, le=2000.0, description="ppm by which the device's clock is faster than the host's; a crystal's"
+        20.0, ge=-2000.0, le=2000.0, description="ppm by which the device's clock is faster; a crystal's"
     )
     clock_start_ms: int = Field(
         0, ge=0, lt=1 << 24, description="ms, device clock at the start; 2^24 - 10000 wraps after ten seconds"
