@@ -17,7 +17,7 @@ from runtime.messages import Record
 from runtime.record_file import RunWriter
 from runtime.replay_difference import first_difference
 from runtime.run_folder import RunFolder
-from runtime.run_header import installed_versions
+from runtime.run_header import installed_versions, other_versions
 from runtime.run_reader import RecordedTick, RunReader
 from runtime.tick import Timing
 from runtime.tick_records import outcome_records
@@ -123,6 +123,8 @@ def replay_run(
         folder.write_configuration(configuration.text)
     Estimator.warm_up(configuration.slam)
     result = replay(reader, configuration, folder, verify, progress)
+    if result.difference and (others := other_versions(reader.header.versions)):
+        result.difference += f" (recorded with other code: {'; '.join(others)})"
     summary = summarise_replay(result, str(run), folder, configuration.sha256)
     if folder is not None:
         folder.write_summary(summary)

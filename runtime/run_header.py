@@ -9,6 +9,8 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import slam.pose
+
 FORMAT = "1"
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
@@ -19,14 +21,36 @@ PACKAGES = (
 
 
 def installed_versions() -> dict[str, str]:
-    """Versions of everything that could change a bit of the result, and of Python."""
-    versions = {"python": platform.python_version(), "machine": platform.machine()}
+    """Versions of everything that could change a bit of the result: Python, packages, and the filter's own sources."""
+    versions = {
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "slam sources": slam_fingerprint(),
+    }
     for package in PACKAGES:
         try:
             versions[package] = version(package)
         except PackageNotFoundError:
             versions[package] = "absent"
     return versions
+
+
+def slam_fingerprint() -> str:
+    """Hash over the sources of slam: two replays can only be expected to agree where it does."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(slam.pose.__file__).parent.glob("*.py")):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def other_versions(recorded: Mapping[str, str]) -> list[str]:
+    """What is not the same here as where a run was recorded, in words."""
+    here = installed_versions()
+    return [
+        f"{name} {was}, here {here.get(name, 'absent')}"
+        for name, was in sorted(recorded.items())
+        if here.get(name) != was
+    ]
 
 
 @dataclass(frozen=True, slots=True)

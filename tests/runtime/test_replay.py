@@ -185,6 +185,18 @@ def test_the_estimator_itself_replays_to_the_last_bit(imported: Path, tmp_path: 
     assert second["compared"] == 12
 
 
+def test_a_difference_under_other_code_says_so(
+    imported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as other:
+        other.setattr("runtime.run_header.slam_fingerprint", lambda: "of last week")
+        replay_run(imported, None, tmp_path / "first", False, {})
+    monkeypatch.setattr(Estimator, "state_hash", lambda self: bytes(16))
+    difference = replay_run(tmp_path / "first", None, None, True, {})["difference"]
+    assert "state_hash" in difference
+    assert "slam sources of last week, here " in difference
+
+
 def test_an_imported_run_keeps_its_replays_inside(imported: Path) -> None:
     summary = replay_run(imported, None, None, False, {"seed": "9"})
     newest = RunFolder.open(imported).newest_replay()
