@@ -188,7 +188,7 @@ class LaserClock:
             points = [(x - at_ns, y - self._lowest[0][1]) for x, y in self._lowest]
             slope, slope_sigma, self._scatter_ns = hull_slope(points)
             drift, sigma = weigh(drift, sigma, slope, slope_sigma)
-        if MEANS_MIN <= len(self._means) and self._means[-1].x - self._means[0].x < MEANS_SPAN_NS:
+        if len(self._means) >= MEANS_MIN and self._means[-1].x - self._means[0].x < MEANS_SPAN_NS:
             drift, sigma = weigh(drift, sigma, *mean_slope(self._means))
         self._drift = max(-self._drift_max, min(self._drift_max, drift))
         self._drift_sigma = sigma
