@@ -71,10 +71,10 @@ class BusSettings(BaseModel):
         description="longest wait between attempts; a bus that is back must be used within 1 s",
     )
     receive_buffer_bytes: int = Field(
-        default=1_048_576,
+        default=8_388_608,
         ge=4096,
         le=67_108_864,
-        description="asked of the kernel, so that a burst of 3000 frames is not lost",
+        description="asked of the kernel: a second of 20 000 frames",
     )
 
 

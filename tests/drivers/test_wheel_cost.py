@@ -1,13 +1,18 @@
 """The figures: what reading the wheels costs, in processor time of this process."""
 
+import subprocess
+import sys
 import time
 import uuid
+from pathlib import Path
 
 import pytest
 
 from drivers.can_bus import CanBus
+from drivers.can_loopback import free_port
+from drivers.candump import candump_line
 from drivers.encoders import CanEncoders
-from drivers.wheel_frames import CanFrame
+from drivers.wheel_frames import CanFrame, WheelReading
 from drivers.wheel_pair import WheelPair
 from drivers.wheel_settings import BusSettings, EncoderSettings
 from tests.drivers.virtual_drive import FRAMES, SETTINGS, VirtualDrive
@@ -74,3 +79,42 @@ def test_a_recording_sent_as_fast_as_the_bus_takes_it_loses_no_frame(frames: lis
     finally:
         encoders.close()
         sender.close()
+
+
+SENDER = """
+import sys, time
+from pathlib import Path
+from drivers.simulated.candump_replay import CandumpReplay
+from drivers.wheel_settings import BusSettings
+replay = CandumpReplay(Path(sys.argv[1]), BusSettings(port=int(sys.argv[2])), time.monotonic_ns, speed=200.0)
+start = time.monotonic()
+replay.start()
+replay.wait(60.0)
+print(replay.frames_sent / (time.monotonic() - start))
+"""
+
+
+def test_a_candump_at_two_hundred_times_its_speed_arrives_whole_over_multicast(
+    frames: list[CanFrame], tmp_path: Path
+) -> None:
+    log = tmp_path / "drive.log"
+    log.write_text("\n".join(map(candump_line, frames)))
+    port = free_port()
+    bus = CanBus(BusSettings(port=port), (), time.monotonic_ns)
+    readings = 0
+    with subprocess.Popen(
+        [sys.executable, "-c", SENDER, str(log), str(port)], stdout=subprocess.PIPE
+    ) as sender:
+        try:
+            frame = bus.receive(10.0)
+            while frame is not None:
+                readings += sum(isinstance(item, WheelReading) for item in FRAMES.decode(frame))
+                frame = bus.receive(1.0)
+        finally:
+            bus.close()
+        assert sender.stdout is not None
+        rate = float(sender.stdout.read())
+    assert readings == sum(frame.arbitration_id in (0x181, 0x182) for frame in frames)
+    assert rate > 0.5 * REPLAYED_PER_S, (
+        f"the sender reached only {rate:.0f} frames/s: the figure was not tried"
+    )
