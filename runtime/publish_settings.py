@@ -34,7 +34,7 @@ class PublishSettings(BaseModel):
     scan_beam_step: int = Field(3, ge=1, le=100, description="every n-th beam of it; 3 leaves 361 of 1081")
     landmarks_hz: float = Field(1.0, ge=0.0, le=10.0, description="maps of landmarks per second; 0 sends none")
     status_hz: float = Field(1.0, ge=0.1, le=10.0, description="status and health messages per second")
-    ros2: bool = Field(False, description="also say pose, odometry and TF as a ROS 2 node under rmw_zenoh; turns gossip on")
+    ros2: bool = Field(False, description="say pose, odometry and TF as a ROS 2 node under rmw_zenoh; gossips then")
     ros2_domain: int = Field(0, ge=0, le=232, description="ROS_DOMAIN_ID of the nodes that shall see them")
     lease_ms: int = Field(
         3000,

@@ -29,12 +29,12 @@ NEW: Color = (90, 255, 220)
 
 VERDICTS: dict[int, tuple[str, Color]] = {
     MatchVerdict.NEW: ("new", NEW),
-    MatchVerdict.UNLICENSED: ("refused: difference", (255, 130, 100)),
-    MatchVerdict.AMBIGUOUS: ("refused: density", (255, 90, 170)),
-    MatchVerdict.EXCLUDED: ("refused: exclusivity", (255, 90, 90)),
-    MatchVerdict.OUT_OF_RANGE: ("refused: range", (150, 150, 165)),
+    MatchVerdict.UNLICENSED: ("difference", (255, 130, 100)),
+    MatchVerdict.AMBIGUOUS: ("density", (255, 90, 170)),
+    MatchVerdict.EXCLUDED: ("exclusivity", (255, 90, 90)),
+    MatchVerdict.OUT_OF_RANGE: ("range", (150, 150, 165)),
 }
-"""What a feature that was not matched is called and drawn in; a refusal names the technique."""
+"""Label and colour of a feature that was not matched: new, or the technique that refused it."""
 
 CURVES: dict[str, Color] = {
     "plots/error/SLAM_m": SLAM,
@@ -54,7 +54,7 @@ CURVES: dict[str, Color] = {
 }
 
 ROVER_HEIGHT_M = 0.25  # over all else
-AROUND_M = 18.0  # from where the view around the rover shows 9 m to either side
+AROUND_M = 14.0  # from where the view around the rover shows some 8 m ahead and behind
 
 LEGEND = """\
 # How to read this run
@@ -72,7 +72,7 @@ LEGEND = """\
 | yellow points | landmarks; brown where existence is doubted |
 | discs | covariances, {sigmas:g} sigma |
 | green spokes | a feature matched to its landmark |
-| other labelled points | a feature that is new or refused, and by which technique |
+| labelled points | a feature that is new, or the technique that refused to use it |
 
 {facts}
 """

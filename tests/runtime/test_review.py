@@ -95,7 +95,7 @@ def test_points_that_moved_are_drawn_as_rejected_where_the_person_walks(drawn: D
 
 def test_a_refused_feature_says_by_which_technique(drawn: Drawn) -> None:
     labels = {label for row in drawn.values[("/map/association/new_and_refused", "labels")] for label in row or ()}
-    assert labels == {"new", "refused: difference", "refused: density", "refused: exclusivity", "refused: range"}
+    assert labels == {"new", "difference", "density", "exclusivity", "range"}
 
 
 def test_a_matched_feature_has_a_spoke_to_its_landmark(drawn: Drawn) -> None:
