@@ -192,7 +192,7 @@ class RoverTopics:
                 if payload:
                     query.reply(key, payload, encoding=zenoh.Encoding(encoding))
 
-        # indirect: zenoh would start a Python thread that keeps a process from ending when nobody closed the session
+        # indirect=True would start Python threads that hang or abort a process that ends without closing the session
         self._session.declare_queryable(key, zenoh.handlers.Callback(reply, indirect=False))
 
 

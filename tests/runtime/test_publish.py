@@ -255,12 +255,14 @@ def test_a_full_queue_loses_the_oldest_tick_and_counts_it() -> None:
 
 
 FORGETFUL = """
+import threading
 from runtime.publish import ZenohPublisher
 from runtime.publish_settings import PublishSettings
 from tests.runtime.zenoh_wire import free_port, put_ticks, settings_on
 publisher = ZenohPublisher(settings_on(free_port()), "r1")
 assert publisher.opened(5.0)
 put_ticks(publisher, range(3), 0.0)
+assert not [thread for thread in threading.enumerate() if "pyo3" in thread.name]
 """
 
 
