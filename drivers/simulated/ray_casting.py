@@ -7,18 +7,34 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
+def pairs_in_view(
+    bearings_rad: FloatArray, centre_bearings_rad: FloatArray, half_widths_rad: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """(p,) rays and (p,) circles that can meet: the ray's bearing is within the half width of the circle's.
+
+    bearings_rad (n,) equally spaced and increasing, of any turn; the others (c,).
+    """
+    spacing = (bearings_rad[-1] - bearings_rad[0]) / (bearings_rad.size - 1)
+    turns = 2.0 * np.pi * np.array((-1.0, 0.0, 1.0))[:, None]
+    low = np.ceil((centre_bearings_rad - half_widths_rad + turns - bearings_rad[0]) / spacing)
+    high = np.floor((centre_bearings_rad + half_widths_rad + turns - bearings_rad[0]) / spacing)
+    first = np.clip(low, 0, bearings_rad.size).astype(np.int64).ravel()
+    count = np.maximum(np.clip(high + 1, 0, bearings_rad.size).astype(np.int64).ravel() - first, 0)
+    circle = np.repeat(np.tile(np.arange(centre_bearings_rad.size), 3), count)
+    within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return np.repeat(first, count) + within, circle
+
+
 def circle_hits(
     origins_m: FloatArray, directions: FloatArray, centres_m: FloatArray, radii_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Distances (n, c) at which ray n enters circle c (inf: misses it or starts within), and chords (n, c).
+    """Distances (p,) at which each ray enters its circle (inf: misses it or starts within), and the chords (p,).
 
-    origins_m (n, 2) or (1, 2); directions (n, 2) unit vectors; centres_m (c, 2) or, for movers, (n, c, 2).
+    origins_m, directions (unit vectors) and centres_m are (p, 2), radii_m (p,).
     """
-    offset_x = centres_m[..., 0] - origins_m[:, 0, None]
-    offset_y = centres_m[..., 1] - origins_m[:, 1, None]
-    cosine, sine = directions[:, 0, None], directions[:, 1, None]
-    along = offset_x * cosine + offset_y * sine
-    across = offset_y * cosine - offset_x * sine
+    offset = centres_m - origins_m
+    along = offset[:, 0] * directions[:, 0] + offset[:, 1] * directions[:, 1]
+    across = offset[:, 1] * directions[:, 0] - offset[:, 0] * directions[:, 1]
     square = radii_m**2 - across**2
     half_chord = np.sqrt(np.maximum(square, 0.0))
     entry = along - half_chord

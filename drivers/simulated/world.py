@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from drivers.simulated.park import Park, plant
 from drivers.simulated.people import People
-from drivers.simulated.ray_casting import circle_hits, wall_hits
+from drivers.simulated.ray_casting import circle_hits, pairs_in_view, wall_hits
 from drivers.simulated.rover_path import RoverPath
 from drivers.simulated.world_settings import WorldSettings
 
@@ -118,36 +118,64 @@ class World:
         directions: FloatArray,
         rng: np.random.Generator,
     ) -> tuple[FloatArray, IntArray, IntArray]:
-        middle = origins[origins.shape[0] // 2]
-        near = np.hypot(*(self._fixed_m - middle).T) < self.settings.laser.range_max_m + 2.0
-        surfaces_of, landmarks_of = self._fixed_surfaces[near], self._fixed_landmarks[near]
-        fixed, chords = circle_hits(origins, directions, self._fixed_m[near], self._fixed_radii_m[near])
-        leaves = surfaces_of == Surface.BUSH
-        if np.any(leaves):
-            depth: FloatArray = rng.exponential(BUSH_DEPTH_M, size=fixed.shape[:1])
-            depth[rng.random(fixed.shape[0]) < BUSH_GAP_SHARE] = np.inf
-            capped = np.minimum(depth[:, None], chords[:, leaves])
-            fixed[:, leaves] += np.where(np.isinf(depth)[:, None], np.inf, capped)
+        count = time_s.size
+        walkers_m = self._people.circles_m(time_s[[0, -1]], body_m[[0, -1]])
+        fixed_m = self._fixed_m
+        fixed, chords, rays, circles = _meet(origins, directions, fixed_m, fixed_m, self._fixed_radii_m)
+        depth: FloatArray = rng.exponential(BUSH_DEPTH_M, size=(count,))
+        depth[rng.random(count) < BUSH_GAP_SHARE] = np.inf
+        leaves = self._fixed_surfaces[circles] == Surface.BUSH
+        through = depth[rays[leaves]]
+        fixed[leaves] += np.where(np.isinf(through), np.inf, np.minimum(through, chords[leaves]))
+        from_m, to_m = walkers_m
+        people, _, people_rays, _ = _meet(origins, directions, from_m, to_m, self._people.radii_m)
         walls = wall_hits(origins, directions, self._park.wall_starts_m, self._park.wall_ends_m)
-        walkers = self._people.circles_m(time_s[[0, -1]], body_m[[0, -1]])
-        along = np.linspace(0.0, 1.0, time_s.size)[:, None, None]
-        walkers_m = walkers[0] + along * (walkers[1] - walkers[0])
-        people, _ = circle_hits(origins, directions, walkers_m, self._people.radii_m)
-        hits = np.concatenate((fixed, walls, people, np.full((fixed.shape[0], 1), np.inf)), axis=1)
+        wall_rays = np.repeat(np.arange(count), walls.shape[1])
+
+        distances = np.concatenate((fixed, people, walls.ravel()))
+        of_rays = np.concatenate((rays, people_rays, wall_rays))
         kinds = np.concatenate(
             (
-                surfaces_of,
-                np.full(walls.shape[1], Surface.WALL),
-                np.full(people.shape[1], Surface.PERSON),
-                [Surface.NOTHING],
+                self._fixed_surfaces[circles],
+                np.full(people.size, Surface.PERSON),
+                np.full(wall_rays.size, Surface.WALL),
             )
         )
-        owners = np.concatenate((landmarks_of, np.full(walls.shape[1] + people.shape[1] + 1, -1)))
-        first = np.argmin(hits, axis=1)
-        ranges = np.take_along_axis(hits, first[:, None], axis=1)[:, 0]
-        missed = ~np.isfinite(ranges)
-        first[missed] = hits.shape[1] - 1
-        return ranges, kinds[first], owners[first]
+        owners = np.concatenate((self._fixed_landmarks[circles], np.full(people.size + wall_rays.size, -1)))
+        nearest_last = np.lexsort((-distances, of_rays))
+        ranges = np.full(count, np.inf)
+        surfaces, landmarks = np.full(count, int(Surface.NOTHING)), np.full(count, -1)
+        ranges[of_rays[nearest_last]] = distances[nearest_last]
+        surfaces[of_rays[nearest_last]] = kinds[nearest_last]
+        landmarks[of_rays[nearest_last]] = owners[nearest_last]
+        missed = np.isinf(ranges)
+        surfaces[missed], landmarks[missed] = Surface.NOTHING, -1
+        return ranges, surfaces, landmarks
+
+
+def _meet(
+    origins: FloatArray,
+    directions: FloatArray,
+    from_m: FloatArray,
+    to_m: FloatArray,
+    radii_m: FloatArray,
+) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
+    """Entry distances, chords, rays and circles of all pairs that can meet, circles moving from_m to_m (c, 2)."""
+    middle, count = origins.shape[0] // 2, origins.shape[0]
+    # Everything the laser and the circle do within the sweep counts as more width of the circle.
+    offset = 0.5 * (from_m + to_m) - origins[middle]
+    travel = np.hypot(*(origins[-1] - origins[0])) + np.hypot(*(to_m - from_m).T)
+    distance = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-6)
+    bearing = np.unwrap(np.arctan2(directions[:, 1], directions[:, 0]))
+    even = np.linspace(bearing[0], bearing[-1], count)
+    half_width = np.arcsin(np.minimum((radii_m + travel) / distance, 1.0))
+    half_width[radii_m + travel >= distance] = np.pi
+    half_width = half_width + np.abs(even - bearing).max() + 0.01
+    rays, circles = pairs_in_view(even, np.arctan2(offset[:, 1], offset[:, 0]), half_width)
+    part = (rays / max(count - 1, 1))[:, None]
+    centres_m = from_m[circles] + part * (to_m[circles] - from_m[circles])
+    entry, chord = circle_hits(origins[rays], directions[rays], centres_m, radii_m[circles])
+    return entry, chord, rays, circles
 
 
 def _fixed_circles(park: Park) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:

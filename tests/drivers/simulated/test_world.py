@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from drivers.simulated.ray_casting import circle_hits, pairs_in_view
 from drivers.simulated.world import Surface, World
 from drivers.simulated.world_settings import DriveSettings, LaserGeometrySettings, WorldSettings
 
@@ -154,3 +155,21 @@ def test_a_course_whose_corners_fall_together_is_refused_with_the_key() -> None:
         World(WorldSettings(drive=drive))
     with pytest.raises(ValidationError, match="speed_mps"):
         DriveSettings(speed_mps=5.0)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**31), st.floats(-6.0, 6.0))
+def test_no_ray_that_meets_a_circle_is_left_out_wherever_the_circles_and_the_blind_sector_are(
+    seed: int, heading: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    centres, radii = rng.uniform(-8.0, 8.0, (12, 2)), rng.uniform(0.03, 1.0, 12)
+    bearings = np.linspace(heading - 2.3, heading + 2.3, 301)
+    directions = np.stack((np.cos(bearings), np.sin(bearings)), axis=-1)
+    rays, circles = np.divmod(np.arange(301 * 12), 12)
+    entry, _ = circle_hits(np.zeros((rays.size, 2)), directions[rays], centres[circles], radii[circles])
+    meeting = set(zip(rays[np.isfinite(entry)].tolist(), circles[np.isfinite(entry)].tolist(), strict=True))
+    half = np.arcsin(np.minimum(radii / np.hypot(*centres.T), 1.0))
+    aimed = np.arctan2(centres[:, 1], centres[:, 0]) + 2.0 * np.pi * np.round(heading / (2.0 * np.pi))
+    kept = set(zip(*(side.tolist() for side in pairs_in_view(bearings, aimed, half + 0.01)), strict=True))
+    assert meeting <= kept
