@@ -7,7 +7,7 @@ import time
 import zenoh
 
 from runtime.health import Health
-from runtime.message_definitions import type_store
+from runtime.publish_messages import warm_up
 from runtime.publish_settings import PublishSettings
 from runtime.rover_topics import Moment, RoverTopics
 from runtime.tick import SinkHealth, Tick, Timing
@@ -49,6 +49,7 @@ class ZenohPublisher:
         self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
         if settings.enabled:
             rover_config(settings, settings.listen)  # a file that cannot be used stops the start, not the thread
+            warm_up()
             self._thread.start()
 
     def put(
@@ -92,7 +93,6 @@ class ZenohPublisher:
 
     def _run(self) -> None:
         """Own the session from opening to closing; one that cannot be opened is tried again every 5 s."""
-        type_store()  # 0.1 s that the first tick need not wait for
         while True:
             try:
                 session, listening = open_rover_session(self._settings)
