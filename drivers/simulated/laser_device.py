@@ -249,7 +249,7 @@ class LaserDevice:
                 self._damage.send(wire, reply, self._faults, now_ns)
             if self._protocol.request is not None and self._protocol.request is not before:
                 self._streaming, self._prepared = wire, None
-                self._due = self._motor.last_complete(now_ns) + 1
+                self._due = self._motor.next_start(now_ns)  # the laser has just gone on
 
     def _hears(self, wire: Wire) -> bool:
         """False on a serial line at another rate than the sensor's."""

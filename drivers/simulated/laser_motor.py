@@ -52,6 +52,10 @@ class LaserMotor:
         elapsed_ns = self.device_ns(host_ns) - self._steps_ns - self._turn_origin_ns
         return self._turn_origin + elapsed_ns // self._turn_ns
 
+    def next_start(self, host_ns: int) -> int:
+        """The first sweep whose step 0 is still to come."""
+        return self._turn_origin - (self._turn_origin_ns - self.device_ns(host_ns)) // self._turn_ns
+
     def reset_counter(self, host_ns: int) -> None:
         """Counter to zero (RS, RT)."""
         self._counter_origin_ms = -(self.device_ns(host_ns) // NS_PER_MS)

@@ -53,7 +53,7 @@ def driven(settings: LaserSettings, tap: RawTap | None = None) -> Iterator[Hokuy
 
 
 def wait_for(condition: Callable[[], bool], within_s: float) -> float:
-    """Seconds until the condition held; fails the test if it does not in time."""
+    """Seconds until the condition held; fails the test, naming its place, if it does not in time."""
     began = time.monotonic()
     while not condition():
         waited = time.monotonic() - began

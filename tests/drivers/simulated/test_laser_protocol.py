@@ -176,3 +176,6 @@ def test_a_slower_motor_keeps_the_order_of_its_sweeps() -> None:
     assert np.all(np.diff(starts) > 0)
     assert np.diff(starts)[-1] == pytest.approx(100e6 / 0.9, rel=2e-4)
     assert motor.last_complete(motor.sweep_end_ns(150)) == 150
+    assert motor.last_complete(motor.sweep_end_ns(150) - 1000) == 149
+    assert motor.next_start(motor.sweep_start_ns(150)) == 150
+    assert motor.next_start(motor.sweep_start_ns(150) + 1000) == 151
