@@ -61,6 +61,8 @@ class McapPrefix:
         data_crc = zlib.crc32(MAGIC)
         while True:
             head = stream.read(RECORD_HEAD.size)
+            if not head:
+                raise DamageError(self.offset, "the recording was cut off")
             if len(head) < RECORD_HEAD.size:
                 raise DamageError(self.offset, "the file ends early")
             opcode, length = RECORD_HEAD.unpack(head)

@@ -23,10 +23,11 @@ from drivers.measurements import (
     WheelSample,
     uniform_bearings,
 )
+from runtime.config import load_configuration
 from runtime.errors import ConfigurationError, DataSetError, RunExistsError
 from runtime.importers.archive import load_archive
 from runtime.importers.carmen import load_carmen
-from runtime.importers.data_set import import_data_set
+from runtime.importers.data_set import CONFIGURATIONS, FAMILIES, import_data_set
 from runtime.importers.data_set_truth import DataSetTruth, truth_of
 from runtime.importers.sightings import seen
 from runtime.importers.ticks import LONG_NS, ticks
@@ -115,6 +116,11 @@ def test_a_file_that_is_no_archive_is_refused(tmp_path: Path, content: bytes) ->
     (tmp_path / "a.npz").write_bytes(content)
     with pytest.raises(ConfigurationError, match="cannot be read as a data set"):
         import_data_set(tmp_path / "a.npz", tmp_path / "run")
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_has_a_configuration_that_loads(family: str) -> None:
+    assert load_configuration(CONFIGURATIONS / f"{family}.toml").rover == family
 
 
 def test_a_source_that_is_not_there_is_named(tmp_path: Path) -> None:
