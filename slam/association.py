@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.compiled import kernel
-from slam.landmark_filter import sensor_pose
 from slam.proposals import (
     Moments,
     Proposal,
@@ -45,7 +44,7 @@ class Strategy(IntEnum):
 
 @kernel
 def sighting_of(features: FloatArray, index: int) -> Sighting:
-    """Feature `index` of features (K, 6): range, bearing, rr, rb, bb, licence."""
+    """Feature `index` of the rows of slam.kernels."""
     return Sighting(
         features[index, 0], features[index, 1], features[index, 2], features[index, 3], features[index, 4]
     )
@@ -65,6 +64,14 @@ def moments_of(
     if tuning.proposal == UNSCENTED:
         return unscented_moments(pose, root, mount, landmark, noise, tuning.joint_weights, tuning.spread)
     return linearised_moments(pose, covariance, mount, landmark, noise)
+
+
+@kernel
+def accepts(distance: float, candidates: FloatArray, chosen: int, tuning: Tuning) -> bool:
+    """True if a squared distance is within the bound for this landmark; what the densest place accepts, all do."""
+    if tuning.density and distance <= -2.0 * tuning.match_base:
+        return True
+    return distance <= match_bound(candidates, chosen, tuning)
 
 
 @kernel
@@ -103,15 +110,17 @@ def best_landmark(
     candidates: FloatArray,
     used: BoolArray,
     sighting: Sighting,
+    direction: FloatArray,
     tuning: Tuning,
     bound: float,
 ) -> tuple[int, float, Moments, int, float, int]:
     """The likeliest free landmark by (4), its squared distance and prediction; then, over all landmarks, the
-    likeliest and the least squared distance; and how many likelihoods that took. -1 stands for none.
+    likeliest and the least squared distance; and how many likelihoods that took. -1 stands for none. direction (2,):
+    unit vector from the sensor to the feature, in the body's axes.
     """
-    sensor_x, sensor_y, heading = sensor_pose(pose, mount)
-    x = sensor_x + sighting.range_m * math.cos(heading + sighting.bearing_rad)
-    y = sensor_y + sighting.range_m * math.sin(heading + sighting.bearing_rad)
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    ahead, left = mount[0] + sighting.range_m * direction[0], mount[1] + sighting.range_m * direction[1]
+    x, y = pose[0] + cosine * ahead - sine * left, pose[1] + sine * ahead + cosine * left
     variance = largest_variance(covariance, sighting)
     free, free_distance, free_log = -1, math.inf, -math.inf
     free_moments = Moments(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -170,11 +179,20 @@ def associate_sequentially(
         while chosen[feature] == PENDING:
             sighting = sighting_of(features, feature)
             free, distance, moments, likeliest, least, looked = best_landmark(
-                pose, covariance, root, mount, candidates, used, sighting, tuning, widest
+                pose,
+                covariance,
+                root,
+                mount,
+                candidates,
+                used,
+                sighting,
+                features[feature, 6:8],
+                tuning,
+                widest,
             )
             evaluated += looked
-            if free < 0 or distance > match_bound(candidates, free, tuning):
-                excluded = likeliest >= 0 and used[likeliest] and least <= match_bound(candidates, likeliest, tuning)
+            if free < 0 or not accepts(distance, candidates, free, tuning):
+                excluded = likeliest >= 0 and used[likeliest] and accepts(least, candidates, likeliest, tuning)
                 chosen[feature] = verdict_without_match(features[feature, 5] > 0.0, least, excluded, tuning)
                 log_weight += tuning.log_unmatched
                 break
@@ -250,11 +268,20 @@ def associate_simultaneously(
     evaluated = 0
     for feature in range(count):
         free, distance, _, _, least, looked = best_landmark(
-            pose, covariance, root, mount, candidates, used, sighting_of(features, feature), tuning, widest
+            pose,
+            covariance,
+            root,
+            mount,
+            candidates,
+            used,
+            sighting_of(features, feature),
+            features[feature, 6:8],
+            tuning,
+            widest,
         )
         evaluated += looked
         distances[feature] = distance
-        if free >= 0 and distance <= match_bound(candidates, free, tuning):
+        if free >= 0 and accepts(distance, candidates, free, tuning):
             chosen[feature] = free
         else:
             chosen[feature] = verdict_without_match(features[feature, 5] > 0.0, least, False, tuning)

@@ -55,7 +55,7 @@ class FastSlam:
     def step(self, increment: Increment, features: Features, sight: FloatArray = NO_SIGHT) -> ScanOutcome:
         """One scan: predict, associate, sample, weight, update and existence in every particle, then resample."""
         usable = self._usable(features)
-        rows = feature_rows(features, usable, increment.at_rest)
+        rows = feature_rows(features, usable, increment.at_rest, float(self._mount[2]))
         normals = self._generator.standard_normal((len(self.poses), 3))
         matches, tallies = self._fold(increment, rows, features.identities[usable], usable, normals, sight)
         self.weights = normalised(self.log_weights)
@@ -150,18 +150,21 @@ class FastSlam:
         self.log_weights = np.zeros(len(self.poses))
 
 
-def feature_rows(features: Features, usable: IntArray, at_rest: bool) -> FloatArray:
-    """Features as rows (K, 6) for the kernels; while standing still every feature may create a landmark."""
+def feature_rows(features: Features, usable: IntArray, at_rest: bool, mount_yaw_rad: float) -> FloatArray:
+    """Features as rows (K, 8) for the kernels; while standing still every feature may create a landmark."""
     covariances = features.covariances[usable]
     licensed = features.may_create[usable] | at_rest
+    bearings = wrap_rads(features.bearings_rad[usable])
     return np.column_stack(
         (
             features.ranges_m[usable],
-            wrap_rads(features.bearings_rad[usable]),
+            bearings,
             covariances[:, 0, 0],
             0.5 * (covariances[:, 0, 1] + covariances[:, 1, 0]),
             covariances[:, 1, 1],
             licensed,
+            np.cos(bearings + mount_yaw_rad),
+            np.sin(bearings + mount_yaw_rad),
         )
     )
 

@@ -1,8 +1,8 @@
 """One scan in all particles: predict, associate, sample, weight, update, existence; compiled as one loop.
 
-Features come as rows (K, 6): range m, bearing rad, covariance rr, rb, bb, and 1 where a new landmark is licensed.
-The sight line is the scan itself, (3 + N,): first bearing, bearing step, range of no return, then N ranges; N = 0
-where there is no scan.
+Features come as rows (K, 8): range m, bearing rad, covariance rr, rb, bb, 1 where a new landmark is licensed, and the
+unit vector towards the feature in the body's axes. The sight line is the scan itself, (3 + N,): first bearing, bearing
+step, range of no return, then N ranges; N = 0 where there is no scan.
 """
 
 import math
@@ -89,9 +89,12 @@ def in_clear_view(
     Without a scan range and angle alone decide. A beam that ends at the landmark's distance is no evidence against it.
     """
     dx, dy = landmark_x - sensor[0], landmark_y - sensor[1]
-    distance = math.sqrt(dx * dx + dy * dy)
+    square = dx * dx + dy * dy
+    if square > tuning.missed_range_m * tuning.missed_range_m or square < 0.01:
+        return False
+    distance = math.sqrt(square)
     bearing = wrapped(math.atan2(dy, dx) - sensor[2])
-    if distance > tuning.missed_range_m or abs(bearing) > tuning.missed_bearing_rad or distance < 0.1:
+    if abs(bearing) > tuning.missed_bearing_rad:
         return False
     beams = sight.size - 3
     if beams <= 0:

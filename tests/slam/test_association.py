@@ -27,8 +27,12 @@ def landmarks(*points: tuple[float, float], variance: float = 0.01) -> FloatArra
 
 
 def features(*points: tuple[float, float], licensed: bool = True) -> FloatArray:
-    rows = [(math.hypot(x, y), math.atan2(y, x), VARIANCE_M2, 0.0, VARIANCE_RAD2, float(licensed)) for x, y in points]
-    return np.array(rows).reshape(-1, 6)
+    rows = []
+    for x, y in points:
+        distance = math.hypot(x, y)
+        noise = (VARIANCE_M2, 0.0, VARIANCE_RAD2)
+        rows.append((distance, math.atan2(y, x), *noise, float(licensed), x / distance, y / distance))
+    return np.array(rows).reshape(-1, 8)
 
 
 def sequentially(
@@ -68,6 +72,7 @@ def test_the_pose_moves_between_matches_so_that_a_far_feature_finds_its_landmark
     candidates = landmarks(*posts, (28.0 * math.cos(0.09), -28.0 * math.sin(0.09)), variance=1e-4)
     seen = features(*posts)
     seen[:, 1] -= turned
+    seen[:, 6], seen[:, 7] = np.cos(seen[:, 1]), np.sin(seen[:, 1])
     pose, covariance = np.array((0.0, 0.0, 0.0)), np.diag((1e-4, 1e-4, 0.06**2))
     chosen = np.empty(3, dtype=np.int64)
     associate_sequentially(pose, covariance, MOUNT, candidates, seen, np.arange(3), settings.tuning(), chosen)
