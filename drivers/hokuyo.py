@@ -253,7 +253,7 @@ class Hokuyo:
         with self._lock:
             superseded, self._fresh = self._fresh, scan
         self._last_scan_ns = arrival_ns
-        self._fault = ""
+        self._fault = self._journal.trouble = ""
         self._journal.count("scans")
         if superseded is not None:
             self._journal.count("superseded_scans")

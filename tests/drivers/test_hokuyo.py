@@ -132,6 +132,53 @@ def test_a_serial_laser_comes_back_after_its_cable_was_pulled(tmp_path: Path) ->
             wait_for(lambda: driver.health().counters["scans"] > before, 3.0)
 
 
+def test_stamps_go_on_over_a_wrap_of_the_counter_and_over_a_power_cycle() -> None:
+    laser = SimulatedLaserSettings(model="UTM-30LX", clock_start_ms=2**24 - 900, boot_s=0.1, skew_ppm=50.0)
+    stamps, errors_ms = [], []
+    with simulated_laser(laser) as (device, room), driven(LaserSettings(url=device.url)) as driver:
+        for number in range(22):
+            scan = next_scan(driver)
+            stamps.append(scan.stamp_ns)
+            errors_ms.append(min(abs(scan.stamp_ns - sweep_ns) for sweep_ns in room.sweeps[-20:]) * 1e-6)
+            if number == 11:
+                assert driver.health().counters["clock_wraps"] == 1
+                device.inject({"kind": "power_cycle"})
+                wait_for(lambda: driver.health().counters.get("link_errors", 0) > 0, 2.0)
+        counters = driver.health().counters
+    assert np.all(np.diff(stamps) > 0)
+    assert max(errors_ms) < 1.5  # half a millisecond of it is the counter's
+    assert counters["clock_restarts"] == 1
+    assert counters["clock_wraps"] == 1
+
+
+class ByteCount:
+    """A tap that counts."""
+
+    def __init__(self) -> None:
+        self.bytes = 0
+
+    def laser_bytes(self, stamp_ns: int, sent: bool, data: bytes) -> None:
+        self.bytes += len(data)
+
+    def can_frame(self, stamp_ns: int, arbitration_id: int, flags: int, data: bytes) -> None:
+        raise AssertionError
+
+
+def test_bytes_are_recorded_always_or_only_around_an_error() -> None:
+    always, around = ByteCount(), ByteCount()
+    with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url), always) as driver:
+        next_scan(driver)
+    assert always.bytes > 3372
+    with simulated_laser(FAST) as (device, _):
+        settings = LaserSettings(url=device.url, raw="around_errors")
+        with driven(settings, around) as driver:
+            next_scan(driver)
+            next_scan(driver)
+            assert around.bytes == 0
+            device.inject({"kind": "bad_checksum", "duration_s": 0.2})
+            wait_for(lambda: around.bytes > 3 * 3372, 2.0)  # those before the error are among them
+
+
 def trouble_with(url: str, within_s: float = 3.0) -> str:
     """The one sentence that the driver says of a laser that cannot be used."""
     with driven(LaserSettings(url=url, reply_timeout_s=0.1)) as driver:
