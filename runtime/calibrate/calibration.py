@@ -104,15 +104,15 @@ def _trouble(motions: Sequence[LaserMotion], model: WheelModel, solution: Soluti
     """Why nothing of it can be believed; "" if it can."""
     steps, kept = len(solution.kept), int(solution.kept.sum())
     tried = steps + sum(motion.failed for motion in motions)
+    if tried >= FEWEST_STEPS and kept < AGREEING_SHARE * tried:
+        return (
+            f"wheels and laser agree on {kept} of {tried} steps, expected {AGREEING_SHARE:.0%}; drive where the laser "
+            "sees things that stand still, and check counts per revolution and sign of both wheels"
+        )
     if kept < FEWEST_STEPS:
         return (
             f"only {kept} steps could be matched, expected at least {FEWEST_STEPS}; "
             "drive farther where the laser sees things"
-        )
-    if kept < AGREEING_SHARE * tried:
-        return (
-            f"wheels and laser agree on {kept} of {tried} steps, expected {AGREEING_SHARE:.0%}; drive where the laser "
-            "sees things that stand still, and check counts per revolution and sign of both wheels"
         )
     away = np.abs(solution.parameters - model.start) / model.prior
     if away.max() > FARTHEST or abs(solution.parameters[-1]) >= LATENCY_BOUND_S:
@@ -143,9 +143,10 @@ def _geometry(model: WheelModel, solution: Solution, found: Sequence[Measure], t
 def _noise(model: WheelModel, solution: Solution, noise: RangeNoise, trouble: str) -> list[Quantity]:
     quantities = []
     if isinstance(model, DifferentialModel):
-        for index, name in enumerate(("slip_m_per_sqrt_m", "lateral_m_per_sqrt_m")):
-            low, high = (0.0, 0.0) if trouble else solution.noise_interval(index)
-            quantities.append(Quantity(name, float(solution.noise[index]), low, high, trouble))
+        slip, least, most = (float(solution.noise[0]), 0.0, 0.0) if trouble else solution.slip()
+        quantities.append(Quantity("slip_m_per_sqrt_m", slip, least, most, trouble))
+        most = 0.0 if trouble else solution.most_drift()
+        quantities.append(Quantity("lateral_m_per_sqrt_m", float(solution.noise[1]), 0.0, most, trouble))
     if noise.sigma_m is None:
         why = "the rover never stood still long enough; stand still for two seconds"
         quantities.append(Quantity("range_noise_m", 0.0, 0.0, 0.0, why))

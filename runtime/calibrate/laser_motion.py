@@ -16,17 +16,21 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 # far enough that matching noise (some mm) is small beside the slip, near enough that both scans show the same
-KEYFRAME_M, KEYFRAME_RAD = 0.5, 0.4
-LONGEST_S = 5.0  # a keyframe is taken after so long in any case while moving, so that creeping is not lost
+KEYFRAME_M, KEYFRAME_RAD = 0.5, 0.6
+LONGEST_S = 5.0
+STILL = 0.01  # m, rad, m/s, rad/s: less is no motion
+SPEED_WINDOW_S = 0.2
 FEWEST_PAIRS = 4
 MOST_ASTRAY = 0.5
 MOST_STEPS = 100_000
-VELOCITY_WINDOW_S = 0.05
+# mean velocity over so long to either side undoes the motion within a sweep: a shorter window lets slip, which would then
+# stand in the wheels' and in the laser's account alike, pass for latency
+VELOCITY_WINDOW_S = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserMotion:
-    """Steps of one drive: begin and end times_s (n, 2); before_from_after of the laser, means (n, 3), covariances (n, 3, 3).
+    """Steps of one drive: begin and end times_s (n, 2); before_from_after of the laser, means (n, 3) and covariances.
 
     series: the wheels' samples; failed: pairs of keyframes that showed too little in common.
     """
@@ -50,7 +54,9 @@ def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray) ->
 
     def shapes_of(number: int) -> Shapes:
         if number not in seen:
-            seen[number] = shapes(drive.scans[number], laser_twist(wheels, float(true_s[number]), mount))
+            scan = drive.scans[number]
+            middle_s = true_s[number] + (0.5 * len(scan.ranges_m) - scan.stamp_beam) * scan.beam_period_s
+            seen[number] = shapes(scan, laser_twist(wheels, float(middle_s), mount))
         return seen[number]
 
     steps: list[tuple[int, int, Match]] = []
@@ -82,19 +88,29 @@ def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray) ->
 
 
 def keyframes(wheels: Track, times_s: FloatArray, known: NDArray[np.bool_]) -> list[int]:
-    """Numbers of the scans that are a step of KEYFRAME_M or KEYFRAME_RAD apart."""
-    travelled = np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(wheels.distances_m)))))
-    turned = np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(wheels.poses[:, 2])))))
-    metres, radians = np.interp(times_s, wheels.times_s, travelled), np.interp(times_s, wheels.times_s, turned)
-    chosen: list[int] = []
-    for index in np.flatnonzero(known):
-        if chosen:
-            last = chosen[-1]
-            moved_m, turned_rad = metres[index] - metres[last], radians[index] - radians[last]
-            creeping = times_s[index] - times_s[last] > LONGEST_S and (moved_m > 0.0 or turned_rad > 0.0)
-            if moved_m < KEYFRAME_M and turned_rad < KEYFRAME_RAD and not creeping:
-                continue
-        chosen.append(int(index))
+    """Numbers of the scans that are matched: a fixed time apart while the rover moves.
+
+    The time is such that nine tenths of the steps stay within KEYFRAME_M and KEYFRAME_RAD. Steps chosen by the distance
+    itself end where a wheel has just slipped forward, which makes its radius come out 0.1 % small in simulation.
+    """
+    numbers = np.flatnonzero(known)
+    if len(numbers) < 2:
+        return []
+    speed, turning = np.abs(wheels.velocity(times_s[numbers], SPEED_WINDOW_S)).T
+    moving = (speed > STILL) | (turning > STILL)
+    if not moving.any():
+        return []
+    fastest, sharpest = np.percentile(speed[moving], 90), np.percentile(turning[moving], 90)
+    period = min(KEYFRAME_M / max(fastest, STILL), KEYFRAME_RAD / max(sharpest, STILL), LONGEST_S)
+    period -= 0.5 * float(np.median(np.diff(times_s[numbers])))
+    metres = np.interp(times_s, wheels.times_s, np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(wheels.distances_m))))))
+    radians = np.interp(times_s, wheels.times_s, np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(wheels.poses[:, 2]))))))
+    chosen = [int(numbers[0])]
+    for index in numbers[1:]:
+        last = chosen[-1]
+        moved = metres[index] - metres[last] > STILL or radians[index] - radians[last] > STILL
+        if moved and times_s[index] - times_s[last] > period:
+            chosen.append(int(index))
     return chosen
 
 
@@ -109,7 +125,9 @@ def laser_twist(wheels: Track, time_s: float, mount: FloatArray) -> FloatArray:
 
 def _guess(wheels: Track, times_s: FloatArray, mount: FloatArray) -> FloatArray:
     poses = wheels.at(times_s)
-    return seen_by_laser(composed(inverted(poses[0]), poses[1])[None], mount)[0]
+    body = composed(inverted(poses[:1]), poses[1:])
+    guess: FloatArray = seen_by_laser(body, mount)[0]
+    return guess
 
 
 def _silence(series: WheelSeries, begin_s: float, end_s: float) -> bool:

@@ -70,6 +70,8 @@ def scan_points(scan: Scan, laser_twist: FloatArray) -> tuple[FloatArray, FloatA
 def shapes(scan: Scan, laser_twist: FloatArray) -> Shapes:
     """Find them. Scans that show nothing give empty arrays."""
     points, ranges, beams = scan_points(scan, laser_twist)
+    if len(beams) == 0:
+        return Shapes(*(np.zeros(shape) for shape in ((0, 2), 0, 0, 0, 0, (0, 2), (0, 2))))
     spacing = float(np.median(np.abs(np.diff(scan.bearings_rad)))) if len(scan.bearings_rad) > 1 else 0.0
     edges: list[tuple[float, ...]] = []
     things: list[tuple[float, ...]] = []
@@ -78,7 +80,7 @@ def shapes(scan: Scan, laser_twist: FloatArray) -> Shapes:
         width = float(ranges[begin:end].min()) * spacing * float(beams[end - 1] - beams[begin] + 1)
         if width <= COMPACT_M and _stands_free(ranges, beams, begin, end, len(scan.bearings_rad)):
             if end - begin >= COMPACT_BEAMS:
-                things.append(_thing(points[begin:end], width, float(ranges[begin:end].mean()), spacing))
+                things.append(_thing(points[begin:end], spacing * float(beams[end - 1] - beams[begin] + 1), spacing))
         elif end - begin >= EDGE_POINTS:
             edges += _edges(points[begin:end])
     edge_rows, thing_rows = np.array(edges).reshape(-1, 6), np.array(things).reshape(-1, 4)
@@ -107,16 +109,17 @@ def _stands_free(ranges: FloatArray, beams: IntArray, begin: int, end: int, beam
     return bool(before and after)
 
 
-def _thing(points: FloatArray, width_m: float, range_m: float, spacing: float) -> tuple[float, ...]:
-    """Centre x, y and the variances along and across the line of sight."""
+def _thing(points: FloatArray, angle_rad: float, spacing: float) -> tuple[float, ...]:
+    """Centre x, y and the variances along and across the line of sight, of a round thing seen under an angle."""
     first, last = points[0], points[-1]
-    bearing = 0.5 * (math.atan2(first[1], first[0]) + math.remainder(math.atan2(last[1], last[0]), math.tau))
-    if abs(math.atan2(first[1], first[0]) - math.atan2(last[1], last[0])) > math.pi:
-        bearing += math.pi
-    depth = float(np.hypot(points[:, 0], points[:, 1]).mean()) + SETBACK * 0.5 * width_m
-    radial = RANGE_NOISE_M**2 / len(points) + (0.05 * width_m) ** 2 + ROUND_M**2
-    tangential = (range_m * spacing) ** 2 / 12.0 + ROUND_M**2
-    return depth * math.cos(bearing), depth * math.sin(bearing), radial, tangential
+    middle = first / math.hypot(*first) + last / math.hypot(*last)
+    sight = middle / math.hypot(*middle)
+    sine = math.sin(0.5 * angle_rad)
+    mean_m = float(np.hypot(points[:, 0], points[:, 1]).mean())
+    distance_m = mean_m / (1.0 - SETBACK * sine)
+    radial = RANGE_NOISE_M**2 / len(points) + (0.1 * distance_m * sine) ** 2 + ROUND_M**2
+    tangential = (distance_m * spacing) ** 2 / 12.0 + ROUND_M**2
+    return float(distance_m * sight[0]), float(distance_m * sight[1]), radial, tangential
 
 
 def _edges(points: FloatArray) -> list[tuple[float, ...]]:

@@ -20,7 +20,8 @@ from runtime.calibrate.step_errors import (
     StepErrors,
     estimate_noise,
     laser_steps,
-    noise_interval,
+    most_drift,
+    slip_from_heading,
     squared,
     step_errors,
     whitening,
@@ -53,9 +54,13 @@ class Solution:
     kept: BoolArray
     errors: StepErrors
 
-    def noise_interval(self, index: int) -> tuple[float, float]:
-        """95 % interval of slip (0), drift (1) or factor (2)."""
-        return noise_interval(index, self.residuals[self.kept], self.errors.part(self.kept), self.noise)
+    def slip(self) -> tuple[float, float, float]:
+        """Slip of each wheel and its 95 % interval, m per sqrt(m)."""
+        return slip_from_heading(self.residuals[self.kept], self.errors.part(self.kept), self.noise)
+
+    def most_drift(self) -> float:
+        """Upper bound (95 %) of the sideways drift, m per sqrt(m)."""
+        return most_drift(self.residuals[self.kept], self.errors.part(self.kept), self.noise)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,6 +102,8 @@ class _Steps:
 
 def solve(motions: Sequence[LaserMotion], model: WheelModel) -> Solution:
     """Alternate between parameters, noise and outliers until the same steps stay in use."""
+    if not any(len(motion.means) for motion in motions):
+        return _nothing(motions, model)
     steps = _Steps(motions, motions, model)
     values, noise = model.start.copy(), np.array(NOISE_START)
     kept = np.ones(sum(len(motion.means) for motion in motions), dtype=np.bool_)
@@ -122,6 +129,15 @@ def solve(motions: Sequence[LaserMotion], model: WheelModel) -> Solution:
         residuals,
         kept,
         errors,
+    )
+
+
+def _nothing(motions: Sequence[LaserMotion], model: WheelModel) -> Solution:
+    """Without a single step all stays as it was believed."""
+    errors = step_errors(motions, model, model.start)
+    covariance = np.diag(model.prior**2)
+    return Solution(
+        model.start, covariance, np.array(NOISE_START), np.zeros((0, 3)), np.zeros(0, dtype=np.bool_), errors
     )
 
 
