@@ -137,8 +137,7 @@ def draw_static(recording: rr.RecordingStream, facts: dict[str, str], sigmas: fl
     for path, colors in (("map/landmarks/covariances", None), ("map/pose_covariance", [(*SLAM, 70)])):
         disc = rr.Ellipsoids3D.from_fields(fill_mode="solid", colors=colors)
         recording.log(path, disc, static=True)
-    _draw_rover(recording, "map/rover", SLAM)
-    _draw_rover(recording, "map/truth", TRUTH)
+    draw_rover(recording, "map/rover", SLAM)
     for path, color in CURVES.items():
         curve = rr.SeriesLines(colors=[color], names=path.rsplit("/", 1)[1].replace("_", " "), widths=1.5)
         recording.log(path, curve, static=True)
@@ -147,7 +146,7 @@ def draw_static(recording: rr.RecordingStream, facts: dict[str, str], sigmas: fl
     recording.log("legend", legend, static=True)
 
 
-def _draw_rover(recording: rr.RecordingStream, path: str, color: Color) -> None:
+def draw_rover(recording: rr.RecordingStream, path: str, color: Color) -> None:
     """An outline of 0.7 m by 0.5 m with a nose, and an arrow ahead that is seen from far."""
     corners_m = ((-0.35, -0.25), (0.2, -0.25), (0.35, 0.0), (0.2, 0.25), (-0.35, 0.25), (-0.35, -0.25))
     strips_m = [[(x, y, ROVER_HEIGHT_M) for x, y in strip] for strip in (corners_m, ((0.0, 0.0), (1.2, 0.0)))]
@@ -232,4 +231,10 @@ def _event_columns() -> Any:
 
 def _plot(name: str, origin: str) -> Any:
     """Without a legend, which would hide the curves: the title says what is what, and so does hovering."""
-    return rrb.TimeSeriesView(name=name, origin=origin, plot_legend=rrb.PlotLegend(visible=False))
+    always = rrb.TimeRangeBoundary.infinite()
+    return rrb.TimeSeriesView(
+        name=name,
+        origin=origin,
+        plot_legend=rrb.PlotLegend(visible=False),
+        axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=always, end=always)),
+    )

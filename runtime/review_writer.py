@@ -12,10 +12,10 @@ from runtime.errors import StorageError
 from runtime.messages import Record
 from runtime.review_columns import ReviewColumns
 from runtime.review_curves import draw_curves
-from runtime.review_layout import DOUBTED, SURE, TRUTH, VERDICTS, Extent, draw_static, layout
+from runtime.review_layout import DOUBTED, SURE, TRUTH, VERDICTS, Extent, draw_rover, draw_static, layout
 from runtime.review_moments import Moment, MomentAssembler, Motion, beam_points
 from runtime.review_settings import ReviewSettings
-from slam.estimate import Estimate, LandmarkMap
+from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.observations import BeamVerdict, Features
 from slam.pose import Pose2
 
@@ -27,6 +27,7 @@ LASER_PATHS = {
     BeamVerdict.NOT_COMPARED: "map/laser/not_compared",
 }
 TRACE_STEP = 3  # every third point of a scan: a wall stays a wall
+QUALITY_LEVELS = {Quality.TRACKING: "INFO", Quality.UNCERTAIN: "WARN", Quality.LOST: "ERROR"}
 PATHS = ("SLAM", "odometry", "truth")
 
 
@@ -52,6 +53,7 @@ class ReviewWriter:
         self._landmarks: LandmarkMap | None = None
         self._start_ns: int | None = None
         self._drawn = 0
+        self._last_drawn: dict[str, int] = {}
         self._with_truth = False
         self._ends: dict[str, FloatArray] = {}
         self._paths: dict[str, list[tuple[float, float]]] = {name: [] for name in PATHS}
@@ -102,6 +104,13 @@ class ReviewWriter:
         if self._drawn % self._settings.batch_ticks == 0:
             self._flush()
 
+    def _due(self, what: str, every: int) -> bool:
+        """Whether this was last drawn `every` ticks ago or more; a tick without a scan only puts it off."""
+        if self._drawn - self._last_drawn.get(what, -every) < every:
+            return False
+        self._last_drawn[what] = self._drawn
+        return True
+
     def _draw_events(self, moment: Moment) -> None:
         for event in (*moment.losses, *moment.tick.events):
             elapsed_ns = max(0, event.stamp_ns - (self._start_ns or 0))
@@ -110,7 +119,7 @@ class ReviewWriter:
         before, now = self._before, moment.estimate
         if now is not None and (before is None or before.quality is not now.quality):
             elapsed_ns = moment.tick.stamp_ns - (self._start_ns or 0)
-            self._columns.text("events", f"pose quality: {now.quality}", "INFO", elapsed_ns)
+            self._columns.text("events", f"pose quality: {now.quality}", QUALITY_LEVELS[now.quality], elapsed_ns)
 
     def _draw_poses(self, estimate: Estimate, truth: Pose2 | None) -> None:
         pose = estimate.map_from_body
@@ -121,12 +130,14 @@ class ReviewWriter:
         self._paths["SLAM"].append((pose.x_m, pose.y_m))
         self._paths["odometry"].append((estimate.odom_from_body.x_m, estimate.odom_from_body.y_m))
         if truth is not None:
+            if not self._with_truth:
+                draw_rover(self._recording, "map/truth", TRUTH)
             self._with_truth = True
             self._columns.pose("map/truth", truth)
             self._paths["truth"].append((truth.x_m, truth.y_m))
 
     def _draw_particles(self, estimate: Estimate) -> None:
-        if estimate.particles is not None and self._drawn % self._settings.particles_every == 0:
+        if estimate.particles is not None and self._due("particles", self._settings.particles_every):
             self._columns.points("map/particles", estimate.particles[:, :2])
 
     def _draw_landmarks(self, estimate: Estimate) -> None:
@@ -150,7 +161,7 @@ class ReviewWriter:
 
     def _draw_scan(self, scan: Scan, estimate: Estimate, motion: Motion) -> None:
         """Each beam where the laser was when it was taken, in the colour of what the front end made of it."""
-        if self._drawn % self._settings.scan_every:
+        if not self._due("scan", self._settings.scan_every):
             return
         stamps_ns, laser_m, returned = beam_points(scan)
         verdicts = estimate.beam_verdicts
@@ -159,7 +170,7 @@ class ReviewWriter:
         points_m = motion.to_map(stamps_ns[returned], laser_m[returned], self._body_from_laser)
         for verdict, path in LASER_PATHS.items():
             self._columns.points(path, points_m[verdicts[returned] == verdict])
-        if self._drawn % self._settings.trace_every == 0:
+        if self._due("trace", self._settings.trace_every):
             self._columns.points("map/laser/trace", points_m[verdicts[returned] == BeamVerdict.KEPT][::TRACE_STEP])
 
     def _draw_association(self, features: Features, matches: NDArray[np.int64], motion: Motion) -> None:

@@ -1,6 +1,7 @@
 """The picture holds what the records hold, in the map's frame, and costs what it may cost."""
 
 from collections import defaultdict
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from drivers.measurements import Scan
 from runtime.errors import StorageError
-from runtime.messages import Gap, Record, encode_gap
+from runtime.messages import Gap, Record, encode_gap, encode_tick
 from runtime.review_columns import ellipse_axes
 from runtime.review_layout import Extent
 from runtime.review_moments import MomentAssembler, Motion, beam_points
@@ -157,6 +158,32 @@ def test_what_the_record_lost_is_said(records: list[Record], tmp_path: Path) -> 
     gap = encode_gap(Gap(5_000_000_000, 3, 40, "the disk was full"))
     texts = [row[0] for row in draw(tmp_path / "review.rrd", [gap, *records[:30]]).values[("/events", "text")]]
     assert texts[0] == "record gap: 3 tick(s) and 40 raw message(s) lost: the disk was full"
+
+
+def test_scans_on_every_other_tick_leave_a_trace_all_the_same(records: list[Record], tmp_path: Path) -> None:
+    sparse, blind = [], False
+    for record in records:
+        if record.topic == "/scan":
+            blind = not blind
+        if not blind:
+            sparse.append(record)
+        elif record.topic == "/tick":
+            seen = MomentAssembler()
+            seen.feed(Record("/scan", 0, records[0].data))
+            seen.feed(record)
+            moment = seen.last()
+            assert moment is not None
+            sparse.append(encode_tick(replace(moment.tick, scan=None)))
+        elif record.topic != "/scan":
+            sparse.append(record)
+    drawn = draw(tmp_path / "review.rrd", sparse, trace_every=5)
+    traces = drawn.elapsed_s["/map/laser/trace"]
+    assert np.diff(traces) == pytest.approx(np.full(len(traces) - 1, 0.6)), "the first scan after 5 ticks"
+
+
+def test_without_truth_no_true_rover_is_drawn(records: list[Record], tmp_path: Path) -> None:
+    without = draw(tmp_path / "review.rrd", [record for record in records if record.topic != "/truth"])
+    assert not [entity for entity, _ in without.values if entity.startswith("/map/truth")]
 
 
 def test_a_run_without_estimates_draws_what_it_has(records: list[Record], tmp_path: Path) -> None:
