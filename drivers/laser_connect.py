@@ -8,6 +8,7 @@ from drivers.laser_settings import BAUDS, LaserSettings, SerialEndpoint, endpoin
 from drivers.laser_start import LaserFaultError, NoAnswerError, NotScipError, quieten
 from drivers.link import ByteLink, SerialLink, TcpLink
 from drivers.measurements import DriverError, LinkError, RawTap, Severity
+from drivers.scip import OK
 from drivers.scip_conversation import Conversation
 
 
@@ -73,11 +74,17 @@ class LaserConnector:
             return  # it went down before it had answered, which is what was asked
 
     def _at_rate(self, connection: Connection, wanted: SerialEndpoint, baud: int) -> Connection:
-        """The same laser at the configured rate."""
+        """The same laser at the configured rate, or as it is if it refuses that."""
         try:
-            connection.talk.ask(b"SS%06d" % baud, self._settings.reply_timeout_s)
-        finally:
+            reply = connection.talk.ask(b"SS%06d" % baud, self._settings.reply_timeout_s)
+        except LinkError:
             connection.link.close()
+            raise
+        if reply is not None and reply.status not in (OK, "03"):
+            text = f"the laser refuses {baud} baud (status {reply.status}) and runs at {self._baud}; change laser.url"
+            self._journal.note(self._now_ns(), "baud_refused", text, Severity.WARN)
+            return connection
+        connection.link.close()
         self._baud = baud
         return self._quietened(SerialLink(wanted, baud), attempts=3)
 

@@ -16,10 +16,10 @@ class RawMessage:
 
 
 class MessageStream:
-    """Collects what was read until a message is whole; never holds more than 64 kB."""
+    """Collects what was read until a message is whole; never holds more than 64 kB, and looks at each byte once."""
 
     def __init__(self) -> None:
-        self._pending = b""
+        self._pending = bytearray()
         self._stamp_ns = 0
         self._skipping = False
         self.discarded_bytes = 0
@@ -31,7 +31,8 @@ class MessageStream:
 
     def reset(self) -> None:
         """Forget a message that has begun: the link is a new one."""
-        self._pending, self._skipping = b"", False
+        self._pending.clear()
+        self._skipping = False
 
     def feed(self, stamp_ns: int, data: bytes) -> list[RawMessage]:
         """Messages completed by `data`, which was read at stamp_ns."""
@@ -41,20 +42,27 @@ class MessageStream:
         return messages
 
     def _take(self, stamp_ns: int, data: bytes, messages: list[RawMessage]) -> None:
-        first_ns = self._stamp_ns if self._pending else stamp_ns
-        *complete, rest = (self._pending + data).split(END)
-        for raw in complete:
-            self._close(first_ns, raw, messages)
-            first_ns = stamp_ns
-        if len(rest) > MESSAGE_BYTES:
-            self.discarded_bytes += len(rest) - 1
-            rest, self._skipping = rest[-1:], True  # the last byte may be the first of the closing pair
-        self._pending, self._stamp_ns = rest, first_ns
+        pending = self._pending
+        if not pending:
+            self._stamp_ns = stamp_ns
+        searched = max(0, len(pending) - 1)  # the pair may be cut between two reads
+        pending += data
+        begin, end = 0, pending.find(END, searched)
+        while end >= 0:
+            self._close(bytes(pending[begin:end]), messages)
+            self._stamp_ns = stamp_ns
+            begin = end + len(END)
+            end = pending.find(END, begin)
+        del pending[:begin]
+        if len(pending) > MESSAGE_BYTES:
+            self.discarded_bytes += len(pending) - 1
+            del pending[:-1]  # the last byte may be the first of the closing pair
+            self._skipping = True
 
-    def _close(self, first_ns: int, raw: bytes, messages: list[RawMessage]) -> None:
+    def _close(self, raw: bytes, messages: list[RawMessage]) -> None:
         raw = raw.lstrip(END)
         if self._skipping or len(raw) > MESSAGE_BYTES:
             self.discarded_bytes += len(raw)
             self._skipping = False
         elif raw:
-            messages.append(RawMessage(first_ns, raw))
+            messages.append(RawMessage(self._stamp_ns, raw))

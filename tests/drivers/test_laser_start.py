@@ -68,6 +68,17 @@ def test_a_laser_that_is_not_well_is_named_and_tried_again(
     assert health.state is (SensorState.FAILED if field == "healthy" else SensorState.STARTING)
 
 
+def test_a_baud_rate_that_the_laser_refuses_is_named_and_done_without(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(PROFILES, "URG-04LX", dataclasses.replace(PROFILES["URG-04LX"], bauds=(19200,)))
+    laser = SimulatedLaserSettings(model="URG-04LX", pty=str(tmp_path / "laser"))
+    with simulated_laser(laser) as (device, _), driven(LaserSettings(url=f"{device.pty_url}?baud=57600")) as driver:
+        next_scan(driver, 8.0)
+        (event,) = [event for event in driver.drain_events() if event.kind == "baud_refused"]
+    assert "refuses 57600 baud (status 02) and runs at 19200" in event.reason
+
+
 def test_a_laser_without_time_adjustment_streams_all_the_same_and_says_so() -> None:
     with (
         simulated_laser(FAST) as (device, room),

@@ -1,3 +1,4 @@
+import time
 from itertools import pairwise
 
 from hypothesis import example, given
@@ -64,3 +65,11 @@ def test_a_new_link_forgets_what_the_old_one_left_half() -> None:
     stream.feed(0, b"MD00001080")
     stream.reset()
     assert [raw.data for raw in stream.feed(0, b"QT\n00P\n\n")] == [b"QT\n00P"]
+
+
+def test_garbage_that_comes_byte_by_byte_costs_no_more_than_a_long_read() -> None:
+    began = time.process_time()
+    stream = MessageStream()
+    for _ in range(2 * MESSAGE_BYTES):
+        stream.feed(0, b"x")
+    assert time.process_time() - began < 2.0  # 0.1 s; looking at all that waits for each byte takes a minute
