@@ -71,4 +71,5 @@ class LaserMotor:
         return self._turn_origin_ns + (sweep - self._turn_origin) * self._turn_ns
 
     def _counter(self, device_ns: int) -> int:
-        return (self._counter_origin_ms + device_ns // NS_PER_MS) % (1 << 24)
+        # a sweep that had begun before a reset has the counter's first value, not one from before zero
+        return max(0, self._counter_origin_ms + device_ns // NS_PER_MS) % (1 << 24)

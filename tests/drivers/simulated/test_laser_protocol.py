@@ -168,6 +168,13 @@ def test_arbitrary_commands_are_answered_with_a_status_or_not_at_all(line: bytes
         assert protocol.state in State
 
 
+def test_a_sweep_that_had_begun_before_a_reset_does_not_seem_to_wrap() -> None:
+    motor = LaserMotor(PROFILES["UTM-X001S"].parameters, 0.0, 1.0, 2**24 - 50, 0)
+    assert motor.sweep_counter_ms(1) == 50  # this one does
+    motor.reset_counter(motor.sweep_start_ns(7) + 40_000_000)
+    assert [motor.sweep_counter_ms(sweep) for sweep in (7, 8)] == [0, 60]
+
+
 def test_a_slower_motor_keeps_the_order_of_its_sweeps() -> None:
     parameters = PROFILES["URG-04LX"].parameters
     motor = LaserMotor(parameters, 100.0, 1.0, 0, 0)
