@@ -10,7 +10,7 @@ if "CACHE_DIRECTORY" in os.environ:  # the service's own; compiled kernels must 
 
 import typer
 
-from runtime import cli_live, cli_runs
+from runtime import cli_live, cli_runs, cli_study
 from runtime.errors import InfantError
 
 app = typer.Typer(
@@ -22,6 +22,7 @@ app = typer.Typer(
 )
 cli_live.register(app)
 cli_runs.register(app)
+cli_study.register(app)
 
 
 def main() -> None:

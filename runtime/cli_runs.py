@@ -74,12 +74,13 @@ def progress_bar(task: str) -> Callable[[float], None]:
 def import_(
     source: Annotated[Path, typer.Argument(metavar="SOURCE", help="folder of a recorded data set")],
     out: Annotated[Path, typer.Option("--out", metavar="RUN", help="folder of the new run; never overwritten")],
+    config: Annotated[Path | None, typer.Option("--config", help="default: the set's own file in config/")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Turn recorded data of others into a run that can be replayed and evaluated."""
     from runtime.importers.data_set import import_data_set
 
-    result = import_data_set(source, out)
+    result = import_data_set(source, out, config)
     typer.echo(json.dumps(result) if as_json else "\n".join(f"{key:12s} {value}" for key, value in result.items()))
 
 

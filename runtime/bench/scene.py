@@ -1,0 +1,82 @@
+"""A field of point landmarks that the filter already knows, and scans of some of them, for measuring the step."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.fastslam import FastSlam
+from slam.joint import JointGaussian
+from slam.observations import Features
+from slam.odometry import Increment
+from slam.pose import Pose2, wrap_rads
+from slam.settings import SlamSettings
+
+FloatArray = NDArray[np.float64]
+DENSITY_PER_M2 = 0.02  # 42 landmarks in 270 deg to 30 m: enough for 30 observations
+VIEW_M, VIEW_RAD = 30.0, math.radians(135.0)
+TILE_M = 30.0  # the survey stops this often: every landmark is in view of some stop
+STEP_M, TURN_RAD = 0.05, 0.005  # 0.5 m/s and a circle of 10 m, ten scans a second
+SIGMA_M, SIGMA_RAD = 0.05, 0.005
+SEED = 1
+
+
+class Scene:
+    """N landmarks on a jittered grid, a filter with a finished map of them, and its drive in a small circle."""
+
+    def __init__(self, particles: int, landmarks: int, observations: int) -> None:
+        self._rng = np.random.default_rng(SEED)
+        self._observations = observations
+        side = math.ceil(math.sqrt(landmarks))
+        pitch_m = 1.0 / math.sqrt(DENSITY_PER_M2)
+        grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)[:landmarks]
+        jitter = self._rng.uniform(-0.25, 0.25, grid.shape)
+        self.landmarks_m: FloatArray = (grid - 0.5 * side + jitter) * pitch_m
+        settings = SlamSettings(particles=particles)
+        self.particles = FastSlam(settings, np.random.default_rng(SEED))
+        self.joint = JointGaussian(settings.joint, Pose2(), settings.tuning())
+        self._pose = Pose2()
+        self._scan = 0
+        self._survey(0.5 * side * pitch_m)
+
+    def next_scan(self) -> tuple[Increment, Features]:
+        """Drive one step of the circle and look at the nearest landmarks in view."""
+        moved = np.array((STEP_M, 0.0, TURN_RAD))
+        self._pose = self._pose @ Pose2(*moved)
+        covariance = np.diag((0.004**2, 0.001**2, 0.002**2))
+        return Increment(moved, covariance, False, True, 0.1, 0.5, 0.0, 0.05), self._look(self._observations, VIEW_RAD)
+
+    def step(self, increment: Increment, features: Features) -> None:
+        """Particles and joint Gaussian, as the estimator calls them."""
+        outcome = self.particles.step(increment, features)
+        self.joint.step(increment.mean, increment.covariance, features, outcome.matches)
+
+    def _survey(self, half_side_m: float) -> None:
+        """Make the map through the same door: go to every tile without noise, stand, and look all around."""
+        stops = np.arange(-half_side_m, half_side_m + TILE_M, TILE_M)
+        everything = len(self.landmarks_m)
+        for place in [*(Pose2(x, y, 0.0) for y in stops for x in stops), Pose2()]:
+            moved = (self._pose.inverse() @ place).as_array()
+            self._pose = place
+            arriving = Increment(moved, np.eye(3) * 1e-12, False, True, 0.1, 0.0, 0.0, 0.0)
+            self.step(arriving, self._look(everything, math.pi))
+            standing = Increment(np.zeros(3), np.zeros((3, 3)), True, True, 0.1, 0.0, 0.0, 0.0)
+            self.step(standing, self._look(everything, math.pi))
+
+    def _look(self, most: int, view_rad: float) -> Features:
+        """The nearest `most` landmarks within view_rad to either side, with noise."""
+        offsets = self._pose.inverse().transform(self.landmarks_m)
+        ranges, bearings = np.hypot(*offsets.T), np.arctan2(offsets[:, 1], offsets[:, 0])
+        seen = np.flatnonzero((ranges < VIEW_M) & (np.abs(bearings) < view_rad) & (ranges > 0.5))
+        seen = seen[np.argsort(ranges[seen])][:most]
+        count = seen.size
+        self._scan += 1
+        return Features(
+            self._scan * 100_000_000,
+            ranges[seen] + SIGMA_M * self._rng.standard_normal(count),
+            wrap_rads(bearings[seen] + SIGMA_RAD * self._rng.standard_normal(count)),
+            np.tile(np.diag((SIGMA_M**2, SIGMA_RAD**2)), (count, 1, 1)),
+            np.ones(count, dtype=np.bool_),
+            np.full(count, -1, dtype=np.int64),
+            np.full(count, -1, dtype=np.int64),
+        )
