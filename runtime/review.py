@@ -7,7 +7,6 @@ from pathlib import Path
 from runtime.config import load_configuration_text
 from runtime.review_moments import TOPICS
 from runtime.review_settings import ReviewSettings
-from runtime.review_writer import ReviewWriter
 from runtime.run_reader import RunReader
 
 
@@ -21,6 +20,9 @@ def build_review(
 
     progress is told the share that is done. Raises NotARunError, StorageError.
     """
+    os.environ.setdefault("RUST_LOG", "error")  # rerun's own words are not for whoever asked for a picture
+    from runtime.review_writer import ReviewWriter
+
     reader = RunReader(run)
     header = reader.header
     configuration = load_configuration_text(header.configuration_text, source=str(run))
@@ -31,10 +33,13 @@ def build_review(
     writer = ReviewWriter(
         unfinished, settings or configuration.review, configuration.slam.mount.as_pose(), facts
     )
-    for record in reader.records():
-        if record.topic in TOPICS:
-            writer.feed(record)
-            if progress is not None and record.topic == "/tick":
-                progress(reader.read_fraction)
-    writer.close()
-    os.replace(unfinished, out_rrd)
+    try:
+        for record in reader.records():
+            if record.topic in TOPICS:
+                writer.feed(record)
+                if progress is not None and record.topic == "/tick":
+                    progress(reader.read_fraction)
+        writer.close()
+        os.replace(unfinished, out_rrd)
+    finally:
+        unfinished.unlink(missing_ok=True)

@@ -55,6 +55,7 @@ class ReviewProcess:
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=self._errors,
+            env={**os.environ, "RUST_LOG": "error", "RERUN_ANALYTICS": "off"},
         )
         self._thread = threading.Thread(target=self._send, name="review", daemon=True)
         self._thread.start()
@@ -92,7 +93,8 @@ class ReviewProcess:
         self._queue.put(None)
         self._thread.join(WRITE_S)
         try:
-            self._child.wait(DRAW_S)
+            if self._child.wait(DRAW_S) and not self._trouble:
+                self._trouble = f"review.rrd is not whole ({self._last_words()}); infant review makes it again"
         except subprocess.TimeoutExpired:
             self._trouble = "review.rrd was not finished in time; infant review makes it again"
             self._child.kill()
@@ -160,6 +162,5 @@ def draw_from(stream: IO[bytes], path: Path, what: str) -> None:
 if __name__ == "__main__":
     # Ctrl-C goes to the whole group: the parent decides when the drawing ends, by closing the pipe
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.environ["RERUN_ANALYTICS"] = "off"
     os.nice(NICENESS)
     draw_from(sys.stdin.buffer, Path(sys.argv[1]), sys.argv[2])

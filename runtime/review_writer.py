@@ -27,6 +27,7 @@ LASER_PATHS = {
     BeamVerdict.NOT_COMPARED: "map/laser/not_compared",
 }
 TRACE_STEP = 3  # every third point of a scan: a wall stays a wall
+FLUSH_S = 30.0
 QUALITY_LEVELS = {Quality.TRACKING: "INFO", Quality.UNCERTAIN: "WARN", Quality.LOST: "ERROR"}
 PATHS = ("SLAM", "odometry", "truth")
 
@@ -45,6 +46,7 @@ class ReviewWriter:
         body_from_laser: Pose2 | None = None,
         facts: Mapping[str, str] | None = None,
     ) -> None:
+        self._path = path
         self._settings = settings
         self._body_from_laser = body_from_laser or Pose2()
         self._moments = MomentAssembler()
@@ -74,13 +76,18 @@ class ReviewWriter:
             self._draw(moment)
 
     def close(self) -> None:
-        """Draw what is left and say how the whole is best looked at."""
+        """Draw what is left and say how the whole is best looked at. Raises StorageError when the disk was full."""
         moment = self._moments.last()
         if moment is not None:
             self._draw(moment)
         self._flush()
         self._recording.send_blueprint(layout(self._extent, self._with_truth), make_active=True, make_default=True)
-        self._recording.disconnect()
+        try:
+            self._recording.flush(timeout_sec=FLUSH_S)  # the only call that tells of a disk that refused
+        except RuntimeError as error:
+            raise StorageError(f"{self._path} is not whole ({error}); free space and make it again") from error
+        finally:
+            self._recording.disconnect()
 
     def _draw(self, moment: Moment) -> None:
         """One tick."""

@@ -1,5 +1,6 @@
 """The picture holds what the records hold, in the map's frame, and costs what it may cost."""
 
+import resource
 from collections import defaultdict
 from dataclasses import replace
 from itertools import pairwise
@@ -195,6 +196,19 @@ def test_a_run_without_estimates_draws_what_it_has(records: list[Record], tmp_pa
 def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="cannot be written"):
         ReviewWriter(tmp_path / "no" / "review.rrd", ReviewSettings())
+
+
+def test_a_disk_that_fills_up_is_one_sentence_at_the_end(records: list[Record], tmp_path: Path) -> None:
+    writer = ReviewWriter(tmp_path / "review.rrd", ReviewSettings())
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, before[1]))  # writes beyond fail as on a full disk
+    try:
+        for record in records:
+            writer.feed(record)
+        with pytest.raises(StorageError, match=r"is not whole .* free space"):
+            writer.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def test_a_beam_is_drawn_where_the_laser_was_when_it_was_taken() -> None:
