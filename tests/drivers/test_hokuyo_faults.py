@@ -2,6 +2,7 @@
 
 import gc
 import json
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -87,7 +88,7 @@ def test_a_hundred_of_every_fault_are_survived() -> None:
         futures = {name_of(fault): pool.submit(endure, fault, counter, 100, 10.0) for fault, counter in FAULTS}
     failures = {name: repr(future.exception()) for name, future in futures.items() if future.exception() is not None}
     table = {name: round(max(future.result()), 2) for name, future in futures.items() if name not in failures}
-    Path("/tmp/laser_faults.json").write_text(json.dumps({"slowest_recovery_s": table, "failures": failures}))
+    sys.stdout.write(f"\nslowest recovery in s: {json.dumps(table)}\n")
     assert failures == {}
     assert max(table.values()) < RECOVERY_S
 
@@ -123,6 +124,6 @@ def test_reconnects_leak_no_descriptor_and_no_thread() -> None:
 @pytest.mark.timeout(3600)
 def test_a_thousand_reconnects_leak_nothing() -> None:
     descriptors, pages = reconnect(1000)
-    Path("/tmp/laser_reconnects.json").write_text(json.dumps({"descriptors": descriptors, "pages": pages}))
+    sys.stdout.write(f"\n{descriptors=} {pages=}\n")
     assert max(descriptors) - min(descriptors) <= 1
     assert pages[-1] - pages[3] < 256  # 1 MB over 700 reconnects
