@@ -91,10 +91,11 @@ class AssociationSettings(BaseModel):
         default=-25.0, ge=-1000, le=0, description="bound for known identities; a sensor misreads a few"
     )
     create_distance: float = Field(
-        default=16.0,
+        default=50.0,
         ge=0,
         le=1e6,
-        description="squared distance to every landmark below which a feature creates none (with density)",
+        description="squared distance to every landmark below which a feature creates none (with density): it may be "
+        "that landmark, or the thing's other edge; 16 leaves a fifth more landmarks among people",
     )
     log_unmatched: float = Field(
         default=-7.0,
