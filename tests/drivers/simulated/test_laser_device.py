@@ -48,12 +48,12 @@ def address_of(device: LaserDevice) -> tuple[str, int]:
     return host, int(port)
 
 
-@pytest.mark.parametrize("scans", [40, pytest.param(1000, marks=pytest.mark.soak)])
+@pytest.mark.parametrize("scans", [20, pytest.param(1000, marks=pytest.mark.soak)])
 def test_a_client_that_nobody_here_wrote_reads_parameters_and_streams_without_error(scans: int) -> None:
-    # 20 Hz: this client takes 7 ms to decode a scan and breaks when two have come before it reads
-    with simulated_laser(SimulatedLaserSettings(model="UST-10LX", speed_rpm=1200)) as (device, _):
+    # 10 Hz: this client breaks when two scans have come before it reads, which on a busy machine happens at 40 Hz
+    with simulated_laser(SimulatedLaserSettings(model="UST-10LX", speed_rpm=600)) as (device, _):
         laser = HokuyoLX(addr=address_of(device), tsync=False, convert_time=False)
-        assert (laser.dmin, laser.dmax, laser.ares, laser.amax, laser.scan_freq) == (20, 30000, 1440, 1080, 20)
+        assert (laser.dmin, laser.dmax, laser.ares, laser.amax, laser.scan_freq) == (20, 30000, 1440, 1080, 10)
         assert laser.version()["PROD"] == "SOKUIKI Sensor UST-10LX"
         assert laser.laser_state()[0] == 3
         stamps: list[int] = []
@@ -65,7 +65,7 @@ def test_a_client_that_nobody_here_wrote_reads_parameters_and_streams_without_er
             if len(stamps) == scans:
                 break
         laser.close()
-    assert np.median(np.diff(stamps)) == 50
+    assert np.median(np.diff(stamps)) == 100
 
 
 def test_a_client_that_nobody_here_wrote_measures_once_with_intensity_and_adjusts_time() -> None:
