@@ -23,14 +23,14 @@ SPEED_WINDOW_S = 0.2
 FEWEST_PAIRS = 4
 MOST_ASTRAY = 0.5
 MOST_STEPS = 100_000
-# mean velocity over so long to either side undoes the motion within a sweep: a shorter window lets slip, which would then
-# stand in the wheels' and in the laser's account alike, pass for latency
+# mean velocity over so long to either side undoes the motion within a sweep: a shorter window lets slip into the laser's
+# account as well, where it passes for latency
 VELOCITY_WINDOW_S = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserMotion:
-    """Steps of one drive: begin and end times_s (n, 2); before_from_after of the laser, means (n, 3) and covariances.
+    """Steps of one drive: begin and end times_s (n, 2); motion of the laser as means (n, 3) and covariances.
 
     series: the wheels' samples; failed: pairs of keyframes that showed too little in common.
     """
@@ -103,8 +103,7 @@ def keyframes(wheels: Track, times_s: FloatArray, known: NDArray[np.bool_]) -> l
     fastest, sharpest = np.percentile(speed[moving], 90), np.percentile(turning[moving], 90)
     period = min(KEYFRAME_M / max(fastest, STILL), KEYFRAME_RAD / max(sharpest, STILL), LONGEST_S)
     period -= 0.5 * float(np.median(np.diff(times_s[numbers])))
-    metres = np.interp(times_s, wheels.times_s, np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(wheels.distances_m))))))
-    radians = np.interp(times_s, wheels.times_s, np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(wheels.poses[:, 2]))))))
+    metres, radians = (_gone_through(wheels, values, times_s) for values in (wheels.distances_m, wheels.poses[:, 2]))
     chosen = [int(numbers[0])]
     for index in numbers[1:]:
         last = chosen[-1]
@@ -112,6 +111,11 @@ def keyframes(wheels: Track, times_s: FloatArray, known: NDArray[np.bool_]) -> l
         if moved and times_s[index] - times_s[last] > period:
             chosen.append(int(index))
     return chosen
+
+
+def _gone_through(wheels: Track, values: FloatArray, times_s: FloatArray) -> FloatArray:
+    """Sum of all changes of the values up to the times, whatever their sign."""
+    return np.interp(times_s, wheels.times_s, np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(values))))))
 
 
 def laser_twist(wheels: Track, time_s: float, mount: FloatArray) -> FloatArray:

@@ -1,6 +1,6 @@
 """How sharp a map the wheels alone draw: the measure by which two calibrations are compared on one drive.
 
-Scans that are one to three keyframes (half a metre each at most) apart are laid over each other by dead reckoning alone.
+Scans that are one to three keyframes (half a metre each at most) apart are laid over each other by dead reckoning.
 The measure is the mean distance from a point of the later scan to the nearest point of the earlier one, each cut off at
 0.3 m, so that what only one of them sees counts the same for everyone. Zero would be perfect; smaller is sharper.
 """

@@ -136,9 +136,8 @@ def _nothing(motions: Sequence[LaserMotion], model: WheelModel) -> Solution:
     """Without a single step all stays as it was believed."""
     errors = step_errors(motions, model, model.start)
     covariance = np.diag(model.prior**2)
-    return Solution(
-        model.start, covariance, np.array(NOISE_START), np.zeros((0, 3)), np.zeros(0, dtype=np.bool_), errors
-    )
+    noise, none = np.array(NOISE_START), np.zeros(0, dtype=np.bool_)
+    return Solution(model.start, covariance, noise, np.zeros((0, 3)), none, errors)
 
 
 def _descend(steps: _Steps, whiten: FloatArray, kept: BoolArray, start: FloatArray, robust: bool) -> FloatArray:

@@ -19,7 +19,7 @@ GEOMETRY = (
     *("wheel_radius_left_m", "wheel_radius_right_m", "tread_m"),
     *("laser_x_m", "laser_y_m", "laser_yaw_rad", "laser_latency_s"),
 )
-# BreezySLAM's geometry of the robot; its formula leaves out the half of the mean, so its radius of 0.077 stands for 0.154
+# geometry as BreezySLAM has it; its formula leaves out the half of the mean, so its radius of 0.077 stands for 0.154
 MINES_START = CalibrationStart(0.154, 0.154, 0.33, 4000.0, Pose2(0.145, 0.0, 0.0))
 
 
@@ -139,7 +139,7 @@ def test_calibrated_on_one_real_drive_the_map_of_the_other_is_sharper(recorded_d
     values = [np.array([result.quantity(name).value for name in GEOMETRY]) for result in found]
     for drive, foreign in zip(drives, reversed(values), strict=True):
         assert misfit_m(drive, model, foreign) < 0.85 * misfit_m(drive, model, model.start)
-    # two drives of one robot: every pair of intervals meets, and the latency is one of a tenth of a second and not of minutes
+    # two drives of one robot; and a latency of tenths of a second, not of minutes
     for name in GEOMETRY:
         first, second = (result.quantity(name) for result in found)
         assert not first.refused, first

@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 
 from drivers.measurements import Scan, uniform_bearings
@@ -28,7 +30,7 @@ def test_motion_in_a_park_with_people_is_found_and_its_covariance_is_honest() ->
     for seed in (1, 2, 3):
         world, rng = World(WorldSettings(seed=seed)), np.random.default_rng(seed)
         seen = [_seen(world, time) for time in np.arange(3.0, 43.0, STEP_S)]
-        for (before, pose), (after, later) in zip(seen[:-1], seen[1:], strict=True):
+        for (before, pose), (after, later) in pairwise(seen):
             truth = composed(inverted(pose), later)
             found = match(before, after, truth + rng.normal(0.0, (0.02, 0.02, 0.02)))
             error = found.mean - truth
