@@ -136,9 +136,25 @@ def check(
         raise PreflightError(f"not ready to drive: {failed}; the remedy stands beside each")
 
 
-def status(as_json: AsJson = False) -> None:
-    """Show how a running rover is, over zenoh."""
-    raise NotImplementedError
+def status(
+    connect: Annotated[list[str] | None, typer.Option("--connect", help="zenoh endpoint of a rover or router")] = None,
+    watch: Annotated[bool, typer.Option("--watch", help="again every second until Ctrl-C")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show how the running rovers are, over zenoh: state, reasons, pose, sensors, sinks."""
+    from runtime import status as rovers
+    from runtime.errors import SensorError
+
+    endpoints = tuple(connect or rovers.ENDPOINTS)
+    answers = rovers.watch_status(endpoints, 1.0, None) if watch else iter([rovers.fetch_status(endpoints)])
+    for statuses in answers:
+        if as_json:
+            typer.echo(json.dumps({"rovers": statuses}))
+        elif statuses:
+            lines = "\n".join(rovers.status_line(each) for each in statuses)
+            typer.echo(lines if watch else rovers.status_table(statuses))
+        if not statuses and not watch:
+            raise SensorError(rovers.silence_sentence(endpoints))
 
 
 def warmup() -> None:

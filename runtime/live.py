@@ -43,6 +43,7 @@ def drive(
         manager.completed_tick()
         if tick.seq % beats_per_s == 0:
             manager.status(status_text(tick, estimate, timing, health, configuration.loop.rate_hz))
+        parts.publisher.note_health(health)
         status.note(tick, estimate, timing, health)
 
     loop = Loop(

@@ -2,9 +2,8 @@
 
 from dataclasses import dataclass
 
-from drivers.hokuyo import Hokuyo
-
 from drivers.encoders import CanEncoders
+from drivers.hokuyo import Hokuyo
 from drivers.measurements import Encoders, Laser
 from runtime.clock import Clock
 from runtime.config import Configuration
@@ -26,6 +25,7 @@ class Parts:
     laser: Laser
     encoders: Encoders
     sinks: dict[str, Sink]
+    publisher: ZenohPublisher
     rover: SimulatedRover | None
 
     def start(self) -> None:
@@ -64,12 +64,15 @@ def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock) ->
     if configuration.simulation is not None:
         rover = SimulatedRover(configuration.simulation, laser, encoders)
         laser, encoders = rover.laser, rover.encoders
-    review = ReviewProcess(folder.review_path, configuration.review) if configuration.review.live else None
+    review = None
+    if configuration.review.live:
+        review = ReviewProcess(folder.review_path, configuration.review, configuration.slam.mount.as_pose())
     recorder = Recorder(folder, configuration.text, installed_versions(), review.feed if review is not None else None)
     publisher = ZenohPublisher(configuration.publish, configuration.rover, configuration_text=configuration.text)
     sinks: dict[str, Sink] = {"record": recorder, "publish": publisher}
     if review is not None:
         sinks["review"] = review
     tap = recorder if configuration.record.raw else None
-    return Parts(Hokuyo(laser, clock.now_ns, tap), CanEncoders(encoders, clock.now_ns, tap), sinks, rover)
+    wheels = CanEncoders(encoders, clock.now_ns, tap)
+    return Parts(Hokuyo(laser, clock.now_ns, tap), wheels, sinks, publisher, rover)
 
