@@ -23,14 +23,14 @@ SPEED_WINDOW_S = 0.2
 FEWEST_PAIRS = 4
 MOST_ASTRAY = 0.5
 MOST_STEPS = 100_000
-# mean velocity over so long to either side undoes the motion within a sweep: a shorter window lets slip into the laser's
-# account as well, where it passes for latency
+# mean velocity over so long to either side undoes the motion within a sweep: a shorter window lets slip into the
+# laser's account as well, where it passes for latency
 VELOCITY_WINDOW_S = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserMotion:
-    """Steps of one drive: begin and end times_s (n, 2); motion of the laser as means (n, 3) and covariances.
+    """Steps of one drive: begin and end times_s (n, 2), motion of the laser as means (n, 3) and covariances.
 
     series: the wheels' samples; failed: pairs of keyframes that showed too little in common.
     """

@@ -38,7 +38,7 @@ def _covered(seeds: Sequence[int]) -> dict[str, int]:
 
 def test_the_truth_lies_in_the_intervals_of_simulated_drives() -> None:
     inside = _covered(range(300, 306))
-    assert sum(inside.values()) >= 46, inside  # of 54; 95 % would be 51
+    assert sum(inside.values()) >= 47, inside  # of 54; 95 % would be 51
     assert min(inside.values()) >= 4, inside
 
 
@@ -97,7 +97,7 @@ def test_wheels_that_never_turn_give_the_range_noise_and_nothing_else() -> None:
 
 
 def test_swapped_signs_are_refused_with_a_hint() -> None:
-    drive = park_drive(2, Rover(), 30.0)
+    drive = park_drive(2, Rover(), 14.0)
     backward = tuple(WheelCounts(s.stamp_ns, -s.left, -s.right) for s in drive.wheels if isinstance(s, WheelCounts))
     result = calibrate([replace(drive, wheels=backward)], START)
     assert result.quantity("tread_m").refused

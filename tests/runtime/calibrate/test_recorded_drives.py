@@ -1,0 +1,88 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.measurements import OdometryPose, Scan, WheelCounts, WheelSample
+from runtime.calibrate.drive_data import CalibrationStart, SteeringStart
+from runtime.calibrate.recorded_drives import calibrate_runs, load_drive, recorded_configuration, start_from
+from runtime.config import load_configuration_text
+from runtime.errors import DataSetError, NotARunError
+from runtime.record_file import RecordFile
+from runtime.run_header import RunHeader
+from runtime.tick import Tick
+from runtime.tick_records import tick_records
+from tests.runtime.calibrate.made_drives import BOOT_NS, Rover, park_drive
+from tests.runtime.recorded_values import make_estimate, make_timing
+
+CONFIGURATION = "[slam.mount]\nx_m = 0.25\n[slam.odometry]\ntread_m = 0.52\n"
+
+
+def _record(folder: Path, ticks: list[Tick]) -> Path:
+    folder.mkdir()
+    rng = np.random.default_rng(1)
+    file = RecordFile(folder / "run.mcap", RunHeader(CONFIGURATION, "live").metadata, {})
+    for tick in ticks:
+        estimate = make_estimate(tick.stamp_ns, rng, 1081)
+        for record in tick_records(tick, estimate, make_timing(tick.seq), bytes(16), None):
+            file.add(record)
+    file.finish()
+    file.write()
+    file.close()
+    return folder
+
+
+def _ticks(scans: tuple[Scan, ...], wheels: tuple[WheelSample, ...]) -> list[Tick]:
+    """Each scan with the wheel samples since the one before."""
+    ticks, first = [], 0
+    for seq, scan in enumerate(scans):
+        last = first
+        while last < len(wheels) and wheels[last].stamp_ns <= scan.stamp_ns + 100_000_000:
+            last += 1
+        ticks.append(Tick(seq, scan.stamp_ns + 100_000_000, scan, tuple(wheels[first:last])))
+        first = last
+    return ticks
+
+
+def test_a_run_gives_back_the_drive_that_was_recorded(tmp_path: Path) -> None:
+    drive = park_drive(4, Rover(), 12.0)
+    folder = _record(tmp_path / "run", _ticks(drive.scans, drive.wheels))
+    again = load_drive(folder)
+    assert [scan.stamp_ns for scan in again.scans] == [scan.stamp_ns for scan in drive.scans]
+    np.testing.assert_allclose(again.scans[20].ranges_m, drive.scans[20].ranges_m, atol=6e-4)  # millimetres
+    assert again.wheels == drive.wheels[: len(again.wheels)]
+    assert len(again.wheels) > 500
+    result, believed = calibrate_runs([folder])
+    assert believed == recorded_configuration(folder)
+    assert result.drives == ("run",)
+    assert result.quantity("range_noise_m").value == pytest.approx(0.015, rel=0.1)
+
+
+def test_the_search_begins_at_what_the_configuration_says() -> None:
+    start = start_from(load_configuration_text(CONFIGURATION))
+    assert isinstance(start, CalibrationStart)
+    assert (start.tread_m, start.body_from_laser.x_m, start.latency_s) == (0.52, 0.25, 0.0)
+    steered = start_from(load_configuration_text('[slam.odometry]\nmodel = "steered"\nsteering_bias_rad = 0.01\n'))
+    assert isinstance(steered, SteeringStart)
+    assert steered.steering_bias_rad == 0.01
+
+
+def test_odometry_without_wheels_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(DataSetError, match=r"slam\.odometry\.model"):
+        start_from(load_configuration_text('[slam.odometry]\nmodel = "pose"\n'))
+    folder = _record(tmp_path / "run", [Tick(0, BOOT_NS, None, (OdometryPose(BOOT_NS, 0.0, 0.0, 0.0),))])
+    with pytest.raises(DataSetError, match="OdometryPose"):
+        load_drive(folder)
+
+
+def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
+    with pytest.raises(NotARunError):
+        load_drive(tmp_path)
+    with pytest.raises(DataSetError, match="no run given"):
+        calibrate_runs([])
+
+
+def test_wheels_in_a_run_keep_what_they_did_not_know(tmp_path: Path) -> None:
+    wheels = (WheelCounts(BOOT_NS, 1.0, 2.0), WheelCounts(BOOT_NS + 1, 1.0, 2.0, False))
+    folder = _record(tmp_path / "run", [Tick(0, BOOT_NS, None, wheels)])
+    assert load_drive(folder).wheels == wheels
