@@ -148,7 +148,7 @@ def _noise(model: WheelModel, solution: Solution, noise: RangeNoise, trouble: st
         most = 0.0 if trouble else solution.most_drift()
         quantities.append(Quantity("lateral_m_per_sqrt_m", float(solution.noise[1]), 0.0, most, trouble))
     if noise.sigma_m is None:
-        why = "the rover never stood still long enough; stand still for two seconds"
+        why = "no standstill in which ranges varied; stand still for two seconds where the laser sees things"
         quantities.append(Quantity("range_noise_m", 0.0, 0.0, 0.0, why))
     else:
         quantities.append(Quantity("range_noise_m", noise.sigma_m, noise.low_m, noise.high_m))

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from drivers.measurements import WheelCounts
 from runtime.calibrate.drive_data import DriveData
 
 FloatArray = NDArray[np.float64]
@@ -15,16 +16,18 @@ IntArray = NDArray[np.int64]
 FEWEST_SCANS = 8  # of one standstill: fewer tell little of a variance
 MARGIN_S = 0.3  # a rover that has just stopped still rocks, and the laser's stamps may be late
 STILL_COUNTS = 1.0  # an encoder on an edge toggles by one
+STILL_MPS = 0.01
 RETURN_SHARE = 0.9  # a beam that often comes back empty sees an edge or leaves
 OUTLIER = 5.0  # a beam with one such residual saw something move
 TRIM = 0.999
 LEFTOVER = 0.008  # of sigma: what beams on edges add that the tests let through, measured in the simulated park
+LEAST_VARIANCE_M2 = 1e-8  # a laser whose coarse steps hide its noise tells nothing of it
 ROUNDS = 6
 
 
 @dataclass(frozen=True, slots=True)
 class RangeNoise:
-    """sigma_m and its 95 % interval; None where there was no standstill. still_scans: scans taken at rest."""
+    """sigma_m and its 95 % interval; None where nothing tells it. still_scans: scans taken at rest."""
 
     sigma_m: float | None
     low_m: float
@@ -55,12 +58,17 @@ def standstills(drive: DriveData) -> Iterator[tuple[int, int]]:
     """First and one past the last scan of every stretch in which the wheels did not turn."""
     series, stamps = drive.wheel_series(), drive.scan_times_s()
     places = np.stack([np.interp(stamps, series.times_s, column) for column in series.values.T], axis=-1)
+    counted = isinstance(drive.wheels[0], WheelCounts)
     begin = -1
     for number, stamp in enumerate(stamps):
         first, last = np.searchsorted(series.times_s, (stamp - MARGIN_S, stamp + MARGIN_S))
         window = series.values[max(first - 1, 0) : last + 1]
-        still = len(window) > 1 and bool((np.ptp(window, axis=0) <= STILL_COUNTS).all())
-        if begin >= 0 and not (still and (np.abs(places[number] - places[begin]) <= STILL_COUNTS).all()):
+        if counted:
+            still = len(window) > 1 and bool((np.ptp(window, axis=0) <= STILL_COUNTS).all())
+        else:
+            still = len(window) > 1 and bool((np.abs(window[:, 0]) <= STILL_MPS).all())
+        stayed = not counted or bool((np.abs(places[number] - places[begin]) <= STILL_COUNTS).all())
+        if begin >= 0 and not (still and stayed):
             yield begin, number
             begin = -1
         if still and begin < 0:
@@ -90,6 +98,8 @@ def _beam_variances(ranges: FloatArray, range_max_m: float) -> tuple[FloatArray,
 def _pooled(variances: FloatArray, freedoms: FloatArray, scans: int) -> RangeNoise:
     """Weighted mean of the beams that chi-squared allows; its error from how much the beams differ."""
     pooled = float(np.median(variances))
+    if pooled <= LEAST_VARIANCE_M2:
+        return RangeNoise(None, 0.0, 0.0, scans)
     kept = np.ones(len(variances), dtype=np.bool_)
     for _ in range(ROUNDS):
         kept = variances * freedoms / pooled < chi2.ppf(TRIM, freedoms)

@@ -24,7 +24,8 @@ SPLIT_M = 0.05  # farthest point of a straight piece from its chord
 EDGE_POINTS, EDGE_LENGTH_M = 5, 0.12
 EDGE_LONGEST_M = 2.0
 COMPACT_M = 0.8  # widest trunk
-COMPACT_BEAMS = 3
+COMPACT_BEAMS, COARSE_BEAMS = 3, 2  # the second where beams are far apart, and two on a trunk are the rule
+COARSE_RAD = math.radians(0.4)
 BACKGROUND_M = 0.3  # what is behind a compact thing is at least so much farther
 ROUND_M = 0.008  # no trunk is round to less, and a walker near by must not outweigh everything else
 SETBACK = math.pi / 4.0  # mean depth of a half circle over its radius
@@ -73,13 +74,14 @@ def shapes(scan: Scan, laser_twist: FloatArray) -> Shapes:
     if len(beams) == 0:
         return Shapes(*(np.zeros(shape) for shape in ((0, 2), 0, 0, 0, 0, (0, 2), (0, 2))))
     spacing = float(np.median(np.abs(np.diff(scan.bearings_rad)))) if len(scan.bearings_rad) > 1 else 0.0
+    fewest = COARSE_BEAMS if spacing > COARSE_RAD else COMPACT_BEAMS
     edges: list[tuple[float, ...]] = []
     things: list[tuple[float, ...]] = []
     ends = _breaks(ranges, scan.bearings_rad[beams])
     for begin, end in pairwise(ends):
         width = float(ranges[begin:end].min()) * spacing * float(beams[end - 1] - beams[begin] + 1)
         if width <= COMPACT_M and _stands_free(ranges, beams, begin, end, len(scan.bearings_rad)):
-            if end - begin >= COMPACT_BEAMS:
+            if end - begin >= fewest:
                 things.append(_thing(points[begin:end], spacing * float(beams[end - 1] - beams[begin] + 1), spacing))
         elif end - begin >= EDGE_POINTS:
             edges += _edges(points[begin:end])
