@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 PASSES = 3  # matching needs the motion within a sweep, which the first pass knows only roughly
 SETTLED = 0.2  # of a standard deviation
 FEWEST_STEPS = 15
-AGREEING_SHARE = 0.6
+AGREEING_SHARE = 0.4
 FARTHEST = 3.0  # deviations of the prior
 NORMAL_95 = 1.96
 

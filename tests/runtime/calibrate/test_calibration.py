@@ -7,7 +7,7 @@ import pytest
 
 from drivers.measurements import Scan, SpeedSteering, WheelCounts, uniform_bearings
 from runtime.calibrate.calibration import calibrate
-from runtime.calibrate.drive_data import CalibrationStart, DriveData
+from runtime.calibrate.drive_data import CalibrationStart, DriveData, SteeringStart
 from runtime.calibrate.result import Calibration
 from runtime.calibrate.sharpness import misfit_m
 from runtime.calibrate.wheel_model import DifferentialModel
@@ -146,3 +146,29 @@ def test_calibrated_on_one_real_drive_the_map_of_the_other_is_sharper(recorded_d
         assert not second.refused, second
         assert abs(first.value - second.value) < 1.5 * (first.half_width + second.half_width), name
     assert 0.1 < values[0][-1] < 0.3
+
+
+def _park_vehicle(folder: Path, until_s: float) -> DriveData:
+    """A car with a steered axle among trees; its laser sees two beams of a trunk."""
+    data = np.load(folder / f"{folder.name}.npz")
+    bearings = uniform_bearings(-0.5 * np.pi, 0.008726646259971648, data["ranges"].shape[1])
+    scans, wheels = [], []
+    for time, ranges in zip(data["scan_t"], data["ranges"], strict=True):
+        if time < until_s:
+            ranges = np.where((ranges > 0.0) & (ranges < 80.0), ranges, np.nan).astype(np.float32)
+            scans.append(Scan(round(time * 1e9), ranges, bearings, 0.0, 0, 80.0))
+    for time, speed, steering in zip(data["odom_t"], data["odom_v"], data["odom_steer"], strict=True):
+        if time < until_s:
+            wheels.append(SpeedSteering(round(time * 1e9), float(speed), float(steering)))
+    return DriveData(folder.name, tuple(scans), tuple(wheels))
+
+
+def test_scale_and_bias_of_a_steered_axle_are_found(recorded_data: Callable[[str], Path]) -> None:
+    start = SteeringStart(body_from_laser=Pose2(3.78, 0.5, 0.0))
+    result = calibrate([_park_vehicle(recorded_data("victoria_park"), 111.0)], start)
+    # fitted to GPS over the whole drive: 1.036 and +0.0043 rad
+    assert result.reported("steering_scale") is not None
+    assert 1.02 < result.quantity("steering_scale").value < 1.06
+    assert 0.002 < result.quantity("steering_bias_rad").value < 0.0065
+    assert result.quantity("laser_y_m").value == pytest.approx(0.5, abs=0.1)
+    assert result.quantity("speed_scale").value == pytest.approx(1.0, abs=0.02)
