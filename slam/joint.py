@@ -23,6 +23,7 @@ from slam.joint_kernels import (
     predict,
     update,
 )
+from slam.joint_measurement import FIRST_PLACE
 from slam.joint_settings import JointSettings
 from slam.joint_window import ORPHAN, least_needed, nearest_places, regress, restore
 from slam.observations import Features, MatchVerdict
@@ -53,8 +54,10 @@ class JointGaussian:
         self._invariant = settings.jacobians == "invariant"
         self._first = settings.jacobians == "first_estimates"
         self._reach_m = self._tuning.range_max_m + self._tuning.range_margin_m
-        self._mean = np.zeros(3 + 2 * FIRST_ROOM)
-        self._covariance = np.zeros((3 + 2 * FIRST_ROOM, 3 + 2 * FIRST_ROOM))
+        self._mean = np.zeros(FIRST_PLACE + 2 * FIRST_ROOM)
+        self._covariance = np.zeros((len(self._mean), len(self._mean)))
+        constants = (settings.distance_scale_sigma, settings.turn_scale_sigma, settings.curvature_sigma_radpm)
+        self._covariance[range(3, FIRST_PLACE), range(3, FIRST_PLACE)] = np.square(constants)
         self._linearised_at = np.zeros_like(self._mean)
         self._jump = np.zeros(2)
         self._rows = np.zeros(FIRST_ROOM, dtype=np.int64)
@@ -112,7 +115,7 @@ class JointGaussian:
         self._update(places[chosen[matched]], rows[matched])
         verdicts = np.full(len(features), int(MatchVerdict.OUT_OF_RANGE), dtype=np.int64)
         verdicts[usable] = chosen
-        verdicts[usable[matched]] = self._atlas.identities[self._rows[(places[chosen[matched]] - 3) // 2]]
+        verdicts[usable[matched]] = self._atlas.identities[self._rows[(places[chosen[matched]] - FIRST_PLACE) // 2]]
         self._existence(places, chosen[matched], sight)
         self._create(rows, usable, chosen, features.identities, hints)
         self._put_away()
@@ -122,10 +125,10 @@ class JointGaussian:
     def landmarks(self) -> LandmarkMap:
         """All landmarks of the map; covariances of those far away are as they were when last near."""
         atlas, count = self._atlas, self._landmarks
-        points = self._mean[3 : self._size].reshape(count, 2)
+        points = self._mean[FIRST_PLACE : self._size].reshape(count, 2)
         means = atlas.settled_means(self._rows[:count], points)
         covariances = atlas.covariances.copy()
-        places = 3 + 2 * np.arange(count)
+        places = FIRST_PLACE + 2 * np.arange(count)
         for row in range(2):
             for column in range(2):
                 covariances[self._rows[:count], row, column] = self._covariance[places + row, places + column]
@@ -140,7 +143,7 @@ class JointGaussian:
 
     @property
     def _size(self) -> int:
-        return 3 + 2 * self._landmarks
+        return FIRST_PLACE + 2 * self._landmarks
 
     def _predict(self, mean: FloatArray, covariance: FloatArray) -> None:
         if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
@@ -176,7 +179,7 @@ class JointGaussian:
             associate(mean, covariance, self._mount, nearest, rows, order, gates, chosen)
             return chosen
         gate = settings.match_known_square if told is identities else settings.match_widest_square
-        theirs = self._atlas.identities[self._rows[(places - 3) // 2]]
+        theirs = self._atlas.identities[self._rows[(places - FIRST_PLACE) // 2]]
         follow(mean, covariance, self._mount, theirs, rows, order, told, gate, chosen)
         return chosen
 
@@ -191,7 +194,7 @@ class JointGaussian:
         jump = self._mean[:2] - before
         self._jump = jump if self._first else np.zeros(2)
         if math.hypot(float(jump[0]), float(jump[1])) > SHIFTED_M:
-            points = self._mean[3 : self._size].reshape(-1, 2)
+            points = self._mean[FIRST_PLACE : self._size].reshape(-1, 2)
             self._atlas.sort_anew(self._atlas.settled_means(self._rows[: self._landmarks], points))
             self._looked_at = None
 
@@ -200,7 +203,7 @@ class JointGaussian:
         tuning, atlas = self._tuning, self._atlas
         seen = np.zeros(len(places), dtype=np.bool_)
         seen[matched] = True
-        numbers = (places - 3) // 2
+        numbers = (places - FIRST_PLACE) // 2
         log_odds = atlas.log_odds[self._rows[numbers]]
         overdue(self._mean, places, seen, log_odds, self._mount, sight, tuning)
         atlas.log_odds[self._rows[numbers]] = log_odds
@@ -232,7 +235,7 @@ class JointGaussian:
         excess = min(self._landmarks - self._settings.landmarks_in_state, LEAVING_PER_SCAN)
         if excess <= 0:
             return
-        points = self._mean[3 : self._size].reshape(-1, 2)
+        points = self._mean[FIRST_PLACE : self._size].reshape(-1, 2)
         away = ((points - self._mean[:2]) ** 2).sum(axis=1) > (self._reach_m + KEEP_M + LOOK_EVERY_M) ** 2
         for _ in range(excess):
             number = least_needed(self._mean, self._size, away)
@@ -243,13 +246,13 @@ class JointGaussian:
             away[self._landmarks] = False
 
     def _put_one_away(self, number: int) -> None:
-        atlas, row, at = self._atlas, int(self._rows[number]), 3 + 2 * number
+        atlas, row, at = self._atlas, int(self._rows[number]), FIRST_PLACE + 2 * number
         others = nearest_places(self._mean, self._size, at, PARENTS)
         parents = len(others)
         atlas.means[row] = self._mean[at : at + 2]
         atlas.covariances[row] = self._covariance[at : at + 2, at : at + 2]
         atlas.parents[row] = ORPHAN
-        atlas.parents[row, :parents] = self._rows[(others - 3) // 2]
+        atlas.parents[row, :parents] = self._rows[(others - FIRST_PLACE) // 2]
         atlas.parent_means[row, : 2 * parents] = np.column_stack((self._mean[others], self._mean[others + 1])).ravel()
         weights = np.zeros((2, 2 * parents))
         regress(self._covariance, at, others, weights, atlas.residuals[row])
@@ -296,11 +299,11 @@ class JointGaussian:
 
     def _drop(self, number: int) -> None:
         """Take a landmark out of the state; the last one moves to its place."""
-        forget(self._mean, self._covariance, self._size, 3 + 2 * number)
-        last = self._landmarks - 1
-        self._linearised_at[3 + 2 * number : 5 + 2 * number] = self._linearised_at[3 + 2 * last : 5 + 2 * last]
+        at, last = FIRST_PLACE + 2 * number, self._landmarks - 1
+        forget(self._mean, self._covariance, self._size, at)
+        self._linearised_at[at : at + 2] = self._linearised_at[self._size - 2 : self._size]
         self._rows[number] = self._rows[last]
-        self._atlas.place[self._rows[number]] = 3 + 2 * number
+        self._atlas.place[self._rows[number]] = at
         self._landmarks = last
 
     def _make_room(self) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from slam.angles import wrapped
 from slam.compiled import kernel
-from slam.joint_measurement import fold, innovation_covariance, slopes
+from slam.joint_measurement import FIRST_PLACE, fold, innovation_covariance, slopes
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -64,7 +64,7 @@ def associate(
 ) -> None:
     """Fill chosen (K,) with landmark numbers or verdicts.
 
-    mean (3 + 2 L,) and covariance are overwritten by the sequential update; nearest_m (L,) is each landmark's distance
+    mean (6 + 2 L,) and covariance are overwritten by the sequential update; nearest_m (L,) is each landmark's distance
     to its nearest neighbour; features (K, 6): range, bearing, rr, rb, bb, licence.
     """
     landmarks = nearest_m.size
@@ -77,7 +77,7 @@ def associate(
             best, best_log, best_square = -1, -math.inf, math.inf
             least, least_excluded = math.inf, False
             for landmark in range(landmarks):
-                at = 3 + 2 * landmark
+                at = FIRST_PLACE + 2 * landmark
                 square, log = distance_to(mean, covariance, mount, at, features[feature])
                 if square < least:
                     least, least_excluded = square, used[landmark]
@@ -89,7 +89,7 @@ def associate(
                 else:
                     chosen[feature] = NEW if features[feature, 5] > 0.0 else UNLICENSED
                 break
-            at = 3 + 2 * best
+            at = FIRST_PLACE + 2 * best
             taker = feature
             for later in range(position + 1, order.size):
                 rival = order[later]
@@ -130,7 +130,7 @@ def follow(
         chosen[feature] = NEW if features[feature, 5] > 0.0 else UNLICENSED
         for landmark in range(identities.size):
             if identities[landmark] == told[feature]:
-                at = 3 + 2 * landmark
+                at = FIRST_PLACE + 2 * landmark
                 square, _ = distance_to(mean, covariance, mount, at, features[feature])
                 if used[landmark] or square > gate:
                     chosen[feature] = EXCLUDED if used[landmark] else AMBIGUOUS

@@ -16,6 +16,9 @@ IntArray = NDArray[np.int64]
 PARENTS = 4
 FREE, AWAY = -2, -1
 FIRST_ROOM = 256
+ENLARGED_BY_ZEROS = (
+    "identities", "log_odds", "means", "covariances", "parent_means", "weights", "residuals", "_carries"
+)  # fmt: skip
 
 
 class Atlas:
@@ -113,7 +116,7 @@ class Atlas:
 
     def _enlarge(self, by: int) -> None:
         before = len(self.place)
-        for name in ("identities", "log_odds", "means", "covariances", "parent_means", "weights", "residuals", "_carries"):
+        for name in ENLARGED_BY_ZEROS:
             column = getattr(self, name)
             setattr(self, name, np.concatenate((column, np.zeros((by, *column.shape[1:]), dtype=column.dtype))))
         self.place = np.concatenate((self.place, np.full(by, FREE, dtype=np.int64)))

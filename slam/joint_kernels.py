@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from slam.angles import wrapped
 from slam.compiled import kernel
-from slam.joint_measurement import project, slopes
+from slam.joint_measurement import FIRST_PLACE, project, slopes
 from slam.kernels import in_clear_view
 from slam.landmark_filter import sensor_pose
 from slam.tuning import Tuning
@@ -33,23 +33,36 @@ def predict(
 ) -> None:
     """Move the pose by an increment (3,) given in its own frame; O(n).
 
+    The constants at 3, 4, 5 correct it: distances are longer by the first, turns by the second (shares), and every metre
+    turns by the third (rad/m) more than the wheels say. They are the same all along, so the filter finds them out.
     jump: what the last update moved the position by, if the derivative is to be taken at first estimates, else 0.
     """
-    cosine, sine = math.cos(mean[2]), math.sin(mean[2])
-    dx = cosine * increment[0] - sine * increment[1]
-    dy = sine * increment[0] + cosine * increment[1]
+    distance = math.sqrt(increment[0] * increment[0] + increment[1] * increment[1])
+    more = mean[4] * increment[2] + mean[5] * distance
+    direction = mean[2] + 0.5 * more
+    cosine, sine = math.cos(direction), math.sin(direction)
+    x = cosine * increment[0] - sine * increment[1]
+    y = sine * increment[0] + cosine * increment[1]
+    stretch = 1.0 + mean[3]
+    dx, dy = stretch * x, stretch * y
     mean[0] += dx
     mean[1] += dy
-    mean[2] = wrapped(mean[2] + increment[2])
-    dx, dy = dx + jump_x, dy + jump_y
+    mean[2] = wrapped(mean[2] + increment[2] + more)
+    half_turn, half_distance = 0.5 * increment[2], 0.5 * distance
     for column in range(n):
+        p = covariance[3, column], covariance[4, column], covariance[5, column]
+        sway = half_turn * p[1] + half_distance * p[2]
         heading = covariance[2, column]
-        covariance[0, column] -= dy * heading
-        covariance[1, column] += dx * heading
+        covariance[0, column] += x * p[0] - dy * sway - (dy + jump_y) * heading
+        covariance[1, column] += y * p[0] + dx * sway + (dx + jump_x) * heading
+        covariance[2, column] += 2.0 * sway
     for row in range(n):
+        p = covariance[row, 3], covariance[row, 4], covariance[row, 5]
+        sway = half_turn * p[1] + half_distance * p[2]
         heading = covariance[row, 2]
-        covariance[row, 0] -= dy * heading
-        covariance[row, 1] += dx * heading
+        covariance[row, 0] += x * p[0] - dy * sway - (dy + jump_y) * heading
+        covariance[row, 1] += y * p[0] + dx * sway + (dx + jump_x) * heading
+        covariance[row, 2] += 2.0 * sway
     q = increment_covariance
     xy = cosine * sine * (q[0, 0] - q[1, 1]) + (cosine * cosine - sine * sine) * q[0, 1]
     xh, yh = cosine * q[0, 2] - sine * q[1, 2], sine * q[0, 2] + cosine * q[1, 2]
@@ -159,8 +172,10 @@ def move(mean: FloatArray, n: int, change: FloatArray, invariant: bool, turn: Fl
         mean[at] = cosine * x - sine * y + along * u - across * v
         mean[at + 1] = sine * x + cosine * y + across * u + along * v
         turn[at], turn[at + 1] = -(mean[at + 1] - y), mean[at] - x
-        at += 3 if at == 0 else 2
+        at += FIRST_PLACE if at == 0 else 2
     mean[2] = wrapped(mean[2] + angle)
+    for index in range(3, FIRST_PLACE):
+        mean[index] += change[index]
 
 
 @kernel
@@ -251,7 +266,7 @@ def overdue(
     sight: FloatArray,
     tuning: Tuning,
 ) -> None:
-    """Existence (6): raise the log-odds (k,) of landmarks that were seen, lower those that should have been, in place."""
+    """Existence (6): raise the log-odds (k,) of landmarks that were seen, lower those of the overdue, in place."""
     sensor = sensor_pose(mean, mount)
     for index in range(places.size):
         at = places[index]
@@ -267,7 +282,7 @@ def neighbour_distances(mean: FloatArray, n: int, places: IntArray) -> FloatArra
     nearest = np.full(places.size, math.inf)
     for index in range(places.size):
         x, y = mean[places[index]], mean[places[index] + 1]
-        for at in range(3, n, 2):
+        for at in range(FIRST_PLACE, n, 2):
             dx, dy = mean[at] - x, mean[at + 1] - y
             if at != places[index]:
                 nearest[index] = min(nearest[index], dx * dx + dy * dy)
@@ -278,9 +293,9 @@ def neighbour_distances(mean: FloatArray, n: int, places: IntArray) -> FloatArra
 @kernel
 def places_within(mean: FloatArray, n: int, x: float, y: float, radius_m: float) -> IntArray:
     """Places of the landmarks nearer than a radius to a point."""
-    found = np.empty((n - 3) // 2, dtype=np.int64)
+    found = np.empty((n - FIRST_PLACE) // 2, dtype=np.int64)
     count = 0
-    for at in range(3, n, 2):
+    for at in range(FIRST_PLACE, n, 2):
         dx, dy = mean[at] - x, mean[at + 1] - y
         if dx * dx + dy * dy <= radius_m * radius_m:
             found[count] = at
@@ -290,12 +305,12 @@ def places_within(mean: FloatArray, n: int, x: float, y: float, radius_m: float)
 
 @kernel
 def block(mean: FloatArray, covariance: FloatArray, places: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Copies of the pose and the landmarks at places (k,): mean (3 + 2 k,) and covariance."""
+    """Copies of what stands before the landmarks and of those at places (k,): mean (6 + 2 k,) and covariance."""
     k = places.size
-    rows = np.empty(3 + 2 * k, dtype=np.int64)
-    rows[:3] = np.arange(3)
+    rows = np.empty(FIRST_PLACE + 2 * k, dtype=np.int64)
+    rows[:FIRST_PLACE] = np.arange(FIRST_PLACE)
     for index in range(k):
-        rows[3 + 2 * index], rows[4 + 2 * index] = places[index], places[index] + 1
+        rows[FIRST_PLACE + 2 * index], rows[FIRST_PLACE + 1 + 2 * index] = places[index], places[index] + 1
     part = np.empty((rows.size, rows.size))
     for row in range(rows.size):
         for column in range(rows.size):

@@ -1,6 +1,7 @@
 """Range and bearing of a landmark as the joint Gaussian sees them: both uncertain, both correlated.
 
-State vector: x m, y m, heading rad of the body in the map, then x m, y m of one landmark after the other.
+State vector: x m, y m, heading rad of the body in the map; three constants of the odometry (see
+slam.joint_kernels.predict); then, from FIRST_PLACE on, x m, y m of one landmark after the other.
 """
 
 import math
@@ -13,6 +14,8 @@ from slam.angles import wrapped
 from slam.compiled import kernel
 
 FloatArray = NDArray[np.float64]
+
+FIRST_PLACE = 6
 
 
 class Slopes(NamedTuple):
@@ -87,7 +90,8 @@ def fold(
 ) -> None:
     """Fold one feature (range, bearing, rr, rb, bb, ...) of the landmark at `at` into mean and covariance, in place.
 
-    mean (n,), covariance (n, n); work (2, n) is overwritten. The update is P - Y^T Y with Y the whitened projection, so P stays symmetric.
+    mean (n,), covariance (n, n); work (2, n) is overwritten. The update is P - Y^T Y with Y the whitened projection, so
+    P stays symmetric.
     """
     project(covariance, at, slope, work)
     s_rr, s_rb, s_bb = innovation_covariance(covariance, at, slope)

@@ -39,5 +39,14 @@ class JointSettings(BaseModel):
         3.0, ge=-50, le=100, description="a landmark that leaves the view below this is forgotten: a chance point"
     )
     landmarks_in_state: int = Field(
-        128, ge=8, le=4096, description="landmarks in the joint state beside those near the rover; sets the time of a step"
+        128, ge=8, le=4096, description="landmarks in the joint state, or all near the rover; a step costs the square"
+    )
+    distance_scale_sigma: float = Field(
+        0.02, ge=0, le=1, description="standard deviation of a constant relative error of every distance driven"
+    )
+    turn_scale_sigma: float = Field(
+        0.02, ge=0, le=1, description="standard deviation of a constant relative error of every turn"
+    )
+    curvature_sigma_radpm: float = Field(
+        0.001, ge=0, le=1, description="rad/m; standard deviation of a constant pull to one side"
     )

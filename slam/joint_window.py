@@ -1,4 +1,4 @@
-"""Arithmetic of the window: landmarks leave the joint state as a regression on neighbours that stay, and come back by it.
+"""The window: landmarks leave the joint state as a regression on neighbours that stay, and come back by it.
 
 A landmark that leaves is written as m + W (s - s_0) + e, with s its nearest neighbours in the state and e independent
 noise: exact for the pair of it and them, and all else that is known of it runs through them.
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.compiled import kernel
+from slam.joint_measurement import FIRST_PLACE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -89,16 +90,16 @@ def least_needed(mean: FloatArray, n: int, eligible: BoolArray) -> int:
     So the kept ones thin out with distance: every direction and scale keeps a few.
     """
     best, best_score = -1, math.inf
-    landmarks = (n - 3) // 2
+    landmarks = (n - FIRST_PLACE) // 2
     for landmark in range(landmarks):
         if not eligible[landmark]:
             continue
-        at = 3 + 2 * landmark
+        at = FIRST_PLACE + 2 * landmark
         x, y = mean[at], mean[at + 1]
         nearest = math.inf
         for other in range(landmarks):
             if other != landmark:
-                dx, dy = mean[3 + 2 * other] - x, mean[4 + 2 * other] - y
+                dx, dy = mean[FIRST_PLACE + 2 * other] - x, mean[FIRST_PLACE + 1 + 2 * other] - y
                 nearest = min(nearest, dx * dx + dy * dy)
         score = nearest / ((x - mean[0]) * (x - mean[0]) + (y - mean[1]) * (y - mean[1]))
         if score < best_score:
@@ -109,17 +110,17 @@ def least_needed(mean: FloatArray, n: int, eligible: BoolArray) -> int:
 @kernel
 def nearest_places(mean: FloatArray, n: int, at: int, count: int) -> IntArray:
     """Places of the landmarks nearest to the one at `at`, at most count, nearest first."""
-    landmarks = (n - 3) // 2
+    landmarks = (n - FIRST_PLACE) // 2
     squares = np.full(landmarks, math.inf)
     for landmark in range(landmarks):
-        place = 3 + 2 * landmark
+        place = FIRST_PLACE + 2 * landmark
         if place != at:
             dx, dy = mean[place] - mean[at], mean[place + 1] - mean[at + 1]
             squares[landmark] = dx * dx + dy * dy
     found = np.empty(min(count, landmarks - 1), dtype=np.int64)
     for index in range(found.size):
         nearest = int(np.argmin(squares))
-        found[index] = 3 + 2 * nearest
+        found[index] = FIRST_PLACE + 2 * nearest
         squares[nearest] = math.inf
     return found
 
