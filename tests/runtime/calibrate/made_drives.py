@@ -77,11 +77,14 @@ def wheel_counts(times_s: FloatArray, counts: FloatArray) -> tuple[WheelCounts, 
     )
 
 
-def park_drive(seed: int, rover: Rover, duration_s: float, scan_period_s: float = 0.25) -> DriveData:
+def park_drive(
+    seed: int, rover: Rover, duration_s: float, scan_period_s: float = 0.25, course_scale: float = 1.0
+) -> DriveData:
     """Scans and counts of the simulated park, people and all; 10 scans a second at rest, fewer then to save time."""
     rng = np.random.default_rng([seed, 77])
     laser = LaserGeometrySettings(body_from_laser=rover.mount, sigma_range_m=rover.range_noise_m)
-    world = World(WorldSettings(seed=seed, drive=DriveSettings(tread_m=rover.tread_m), laser=laser))
+    drive = DriveSettings(tread_m=rover.tread_m, course_scale=course_scale)
+    world = World(WorldSettings(seed=seed, drive=drive, laser=laser))
     times = np.arange(0.0, duration_s, 0.02)
     travel = np.array([world.wheel_travel_m(round(time * 1e9)) for time in times])
     bearings = uniform_bearings(laser.first_bearing_rad, laser.beam_spacing_rad, laser.beam_count)

@@ -9,12 +9,12 @@ BEARINGS = uniform_bearings(-1.0, 0.01, 200)
 
 
 def _drive(sigma_m: float, rest_s: float, rng: np.random.Generator) -> DriveData:
-    """At rest, then driving; a tenth of the beams sees leaves, one in twenty someone who walks by."""
+    """At rest, then driving; a tenth of the beams sees leaves, two thirds once someone who walks by."""
     scans = []
     for number in range(60):
         ranges = 5.0 + np.arange(200) * 0.01 + sigma_m * rng.standard_normal(200)
         ranges[:20] += rng.exponential(0.08, 20)
-        ranges[20:30] -= 2.0 * (number in (5, 6, 7))
+        ranges[20:150] -= 2.0 * ((np.arange(20, 150) - 20) // 6 == number)
         ranges[30 + number] = np.nan
         scans.append(Scan(number * 100_000_000, ranges.astype(np.float32), BEARINGS))
     wheels = []
