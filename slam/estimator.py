@@ -17,7 +17,7 @@ from slam.odometry import Increment, Odometry
 from slam.pose import Pose2
 from slam.quality import judge
 from slam.settings import SlamSettings
-from slam.sweep import Twist
+from slam.sweep import Twist, with_motion_noise
 from slam.warm_up import TICK_NS, warm_up_drive, warm_up_settings
 
 FloatArray = NDArray[np.float64]
@@ -59,6 +59,7 @@ class Estimator:
         features, verdicts = self._front_end.observe(
             scan, self._odometry.odom_from_body, twist, increment.at_rest
         )
+        features = with_motion_noise(features, scan, increment.covariance, increment.duration_s)
         sight = sight_line(scan)
         outcome = self._particles.step(increment, features, sight)
         self._joint.step(increment.mean, increment.covariance, features, outcome.matches, sight)

@@ -1,16 +1,18 @@
 """One sweep, corrected for the motion of the rover while it was measured."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.measurements import Scan
+from drivers.measurements import Scan, ScanLike
 from slam.compiled import kernel
+from slam.observations import Features
 from slam.pose import Pose2
 
 FloatArray = NDArray[np.float64]
+NEAREST_M = 0.1  # below this a direction means nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +77,27 @@ def deskew(scan: Scan, twist: Twist, body_from_laser: Pose2, range_min_m: float,
         rays,
     )
     return Beams(scan.stamp_ns, ranges, bearings, points, rays, float(spacing))
+
+
+def with_motion_noise(features: Features, scan: ScanLike, covariance: FloatArray, duration_s: float) -> Features:
+    """Features as uncertain as the motion by which they were deskewed.
+
+    covariance (3, 3) of the motion over duration_s, body frame: a feature that was measured a part of this time
+    away from the stamp takes that part of it. Without it the features of one sweep contradict each other by more
+    than they claim: the wheels' slip within 75 ms turns the view by more than a beam's width.
+    """
+    if not isinstance(scan, Scan) or scan.beam_period_s == 0.0 or duration_s <= 0.0 or len(features) == 0:
+        return features
+    away_s = np.abs(features.beams - scan.stamp_beam) * scan.beam_period_s
+    share = np.where(features.beams >= 0, np.minimum(away_s / duration_s, 1.0), 0.0)
+    cosine, sine = np.cos(features.bearings_rad), np.sin(features.bearings_rad)
+    xx, xy, yy, turned = covariance[0, 0], covariance[0, 1], covariance[1, 1], covariance[2, 2]
+    along = cosine**2 * xx + 2.0 * cosine * sine * xy + sine**2 * yy
+    across = sine**2 * xx - 2.0 * cosine * sine * xy + cosine**2 * yy
+    wider = features.covariances.copy()
+    wider[:, 0, 0] += share * along
+    wider[:, 1, 1] += share * (turned + across / np.maximum(features.ranges_m, NEAREST_M) ** 2)
+    return replace(features, covariances=wider)
 
 
 @kernel

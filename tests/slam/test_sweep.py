@@ -6,8 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.measurements import Scan, uniform_bearings
+from slam.observations import Features
 from slam.pose import Pose2
-from slam.sweep import Twist, deskew
+from slam.sweep import Twist, deskew, with_motion_noise
 
 BEARINGS = uniform_bearings(-2.0, 0.1, 41)
 
@@ -71,3 +72,30 @@ def test_clockwise_beams_are_refused_with_the_remedy() -> None:
     scan = Scan(0, np.ones(41, dtype=np.float32), BEARINGS[::-1].copy())
     with pytest.raises(ValueError, match="turn the arrays"):
         deskew(scan, Twist(), Pose2(), 0.1, 60.0)
+
+
+def motion_noise_scan(beam_period_s: float) -> Scan:
+    return Scan(0, np.full(5, 8.0, np.float32), uniform_bearings(-0.2, 0.1, 5), beam_period_s, 0)
+
+
+def features_at(beams: tuple[int, ...]) -> Features:
+    count = len(beams)
+    covariances = np.tile(np.diag((1e-4, 1e-6)), (count, 1, 1))
+    return Features(
+        0, np.full(count, 8.0), np.zeros(count), covariances, np.ones(count, bool), np.full(count, -1), np.array(beams)
+    )
+
+
+def test_a_feature_far_from_the_stamp_takes_its_part_of_the_motions_noise() -> None:
+    motion = np.diag((4e-4, 0.0, 1e-4))
+    wider = with_motion_noise(features_at((0, 2, 4)), motion_noise_scan(0.025), motion, 0.1).covariances
+    np.testing.assert_allclose(wider[:, 1, 1] - 1e-6, (0.0, 0.5e-4, 1e-4))
+    np.testing.assert_allclose(wider[:, 0, 0] - 1e-4, (0.0, 2e-4, 4e-4))
+
+
+def test_features_that_were_measured_at_once_or_have_no_beam_stay_as_they_are() -> None:
+    motion = np.diag((4e-4, 0.0, 1e-4))
+    features = features_at((4,))
+    assert with_motion_noise(features, motion_noise_scan(0.0), motion, 0.1) is features
+    without_beam = with_motion_noise(features_at((-1,)), motion_noise_scan(0.025), motion, 0.1)
+    np.testing.assert_array_equal(without_beam.covariances, features.covariances)
