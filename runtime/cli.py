@@ -5,8 +5,10 @@ import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: other thread counts change bits and cost the loop
 os.environ.setdefault("RERUN_ANALYTICS", "off")
-if "CACHE_DIRECTORY" in os.environ:  # the service's own; compiled kernels must outlive a restart
-    os.environ.setdefault("NUMBA_CACHE_DIR", os.path.join(os.environ["CACHE_DIRECTORY"], "numba"))
+
+from runtime.compile_cache import use_compile_cache
+
+use_compile_cache(os.environ)  # before numba
 
 import typer
 

@@ -159,6 +159,8 @@ def status(
 
 def warmup() -> None:
     """Compile the kernels of the filter into the cache, so that no run has to; make and the service call it."""
+    from runtime.compile_cache import forget_other_versions, use_compile_cache
     from slam.estimator import Estimator
 
     Estimator.warm_up()
+    forget_other_versions(use_compile_cache(os.environ))
