@@ -2,6 +2,10 @@
 
 The library's reader is not used because it accepts a chunk whose checksum field was zeroed, and because this reads
 a message in a tenth of its time. Format: https://mcap.dev/spec
+
+MCAP leaves metadata, message indexes and the heads of chunks without a checksum until the file is finished. So that
+every byte of a file that was cut off counts too, the recorder writes a metadata record "checkpoint" after the head and
+after each chunk: the CRC-32 of all bytes before it.
 """
 
 import struct
@@ -18,6 +22,12 @@ LARGEST_RECORD_BYTES = 1 << 30
 RECORD_HEAD = struct.Struct("<BQ")
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 CHUNK_HEAD = struct.Struct("<QQQI")
+CHECKPOINT = "checkpoint"
+
+
+def checkpoint(crc: int) -> dict[str, str]:
+    """Values of the checkpoint that stands behind bytes of this CRC-32."""
+    return {"crc32": f"{crc:08x}"}
 
 
 class DamageError(ValueError):
@@ -39,15 +49,21 @@ class McapPrefix:
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, bytes] = {}
         self._topics: dict[int, str] = {}
+        self._head_is_sure = False
 
     def messages(self) -> Iterator[tuple[str, int, bytes]]:
         """(topic, log time ns, data) of every message in the prefix; metadata and attachments are kept on the way."""
+        self._head_is_sure = False
         try:
             with self.path.open("rb") as stream:
                 yield from self._messages(stream)
             self.damage = ""
+        except OSError as error:
+            self.damage = f"it cannot be read ({error.strerror}) at byte {self.offset}"
         except DamageError as error:
             self.damage = str(error)
+        if self.damage and not self._head_is_sure:
+            self.metadata, self.attachments = {}, {}
 
     def read_head(self) -> None:
         """Read metadata and attachments that stand before the first chunk."""
@@ -74,13 +90,13 @@ class McapPrefix:
             if opcode == DATA_END:
                 self._check_data_end(body, data_crc, stream)
                 return
-            data_crc = zlib.crc32(body, zlib.crc32(head, data_crc))
+            crc_before, data_crc = data_crc, zlib.crc32(body, zlib.crc32(head, data_crc))
             try:
                 if opcode == CHUNK:
+                    self._head_is_sure = True
                     yield from self._chunk_messages(body)
                 elif opcode == METADATA:
-                    name, values = _metadata(body)
-                    self.metadata[name] = values
+                    self._note_metadata(body, crc_before)
                 elif opcode == ATTACHMENT:
                     name, data = _attachment(body)
                     self.attachments[name] = data
@@ -89,6 +105,17 @@ class McapPrefix:
             except zstandard.ZstdError as error:
                 raise DamageError(self.offset, f"damaged chunk ({error})") from error
             self.offset += RECORD_HEAD.size + length
+
+    def _note_metadata(self, body: bytes, crc_before: int) -> None:
+        name, values = _metadata(body)
+        if name == CHECKPOINT:
+            if values != checkpoint(crc_before):
+                raise ValueError("a byte before this checkpoint is not what was written")
+            self._head_is_sure = True
+        elif self._head_is_sure:
+            raise ValueError("metadata where only a checkpoint can stand")
+        else:
+            self.metadata[name] = values
 
     def _check_data_end(self, body: bytes, data_crc: int, stream: BinaryIO) -> None:
         if body != struct.pack("<I", data_crc):

@@ -7,18 +7,19 @@ from collections.abc import Callable, Mapping
 from queue import SimpleQueue
 
 from runtime.errors import StorageError
+from runtime.loop_settings import RecordSettings
 from runtime.messages import Gap, LaserBytes, Record, encode_gap, encode_laser_bytes
-from runtime.record_file import RecordFile
 from runtime.ros_messages import encode_can_frame
 from runtime.run_folder import RunFolder
 from runtime.run_header import RunHeader
+from runtime.segments import Segments
 from runtime.tick import SinkHealth, Tick, Timing
 from runtime.tick_records import tick_records, warm_up
 from slam.estimate import Estimate
 from slam.pose import Pose2
 
 QUEUE_ITEMS = 6000  # 50 s of 10 ticks, 10 scans' bytes and 100 CAN frames a second: longer than any disk should stall
-PENDING_BYTES = 16 << 20  # two minutes of chunks that a disk refuses; beyond that the newest are lost and counted
+PENDING_BYTES = 8 << 20  # a minute of chunks that a disk refuses; beyond that the newest are lost and counted
 WAKE_S = 0.1  # the writer gathers instead of waking for every frame: each wake takes the loop's interpreter lock
 CHUNK_NS = 300_000_000  # with WAKE_S less than half a second is in memory when the process is killed
 SYNC_NS = 1_000_000_000
@@ -44,6 +45,7 @@ class Recorder:
         versions: Mapping[str, str],
         tee: Callable[[Record], None] | None = None,
         now_ns: Callable[[], int] = time.monotonic_ns,
+        settings: RecordSettings | None = None,
     ) -> None:
         """Make the file and write its head. Raises StorageError."""
         warm_up()
@@ -51,7 +53,8 @@ class Recorder:
         header = RunHeader.of_live_run(configuration_toml, versions)
         self._now_ns = now_ns
         self._tee = tee
-        self._file = RecordFile(folder.mcap_path, header.metadata)
+        settings = settings or RecordSettings()
+        self._file = Segments(folder, header.metadata, round(settings.segment_s * 1e9), now_ns)
         self._queue: SimpleQueue[Item] = SimpleQueue()
         self._stop = threading.Event()
         self._troubles = {"encode": "", "write": "", "sync": ""}
@@ -169,6 +172,8 @@ class Recorder:
             self._troubles["write"] = ""
         except OSError as error:
             self._troubles["write"] = f"run.mcap cannot be written ({error.strerror})"
+        except StorageError as error:
+            self._troubles["write"] = str(error)
 
     def _sync(self) -> None:
         try:

@@ -1,6 +1,9 @@
 """run.mcap while it is being written: records gather into chunks, chunks wait as bytes until the disk takes them."""
 
+import fcntl
+import hashlib
 import os
+import zlib
 from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,6 +11,7 @@ from pathlib import Path
 from mcap.writer import CompressionType, Writer
 
 from runtime.errors import StorageError
+from runtime.mcap_prefix import CHECKPOINT, checkpoint
 from runtime.message_definitions import TYPES, definition
 from runtime.messages import Record
 
@@ -21,6 +25,7 @@ class PendingBytes:
     def __init__(self) -> None:
         self.blocks: deque[memoryview] = deque()
         self.size = 0
+        self.crc = 0
         self._position = 0
 
     def write(self, data: bytes) -> int:
@@ -28,6 +33,7 @@ class PendingBytes:
         if data:
             self.blocks.append(memoryview(data))
             self.size += len(data)
+            self.crc = zlib.crc32(data, self.crc)
             self._position += len(data)
         return len(data)
 
@@ -53,7 +59,9 @@ class RecordFile:
             self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         except OSError as error:
             raise StorageError(f"{path} cannot be made ({error.strerror}); check the folder") from error
+        fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # how others see that it is being written
         self.path = path
+        self._digest = hashlib.sha256()
         self._pending = PendingBytes()
         self._offset = 0
         self._chunk_bytes = 0
@@ -69,6 +77,25 @@ class RecordFile:
             self._writer.add_metadata(name, dict(values))
         for name, data in (attachments or {}).items():
             self._writer.add_attachment(0, 0, name, "application/octet-stream", data)
+        self._writer.add_metadata(CHECKPOINT, checkpoint(self._pending.crc))
+
+    @property
+    def size(self) -> int:
+        """Bytes that the disk has taken."""
+        return self._offset
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the bytes that the disk has taken, as they were meant, hexadecimal."""
+        return self._digest.hexdigest()
+
+    def is_gone(self) -> bool:
+        """Whether the file's name leads nowhere or elsewhere: removed, or another disk is mounted. Raises OSError."""
+        try:
+            there, mine = os.stat(self.path), os.fstat(self._descriptor)
+        except FileNotFoundError:
+            return True
+        return (there.st_dev, there.st_ino) != (mine.st_dev, mine.st_ino)
 
     @property
     def pending_bytes(self) -> int:
@@ -95,6 +122,7 @@ class RecordFile:
         """All records so far become a chunk: from now on they can be read, once written."""
         if self._chunk_bytes:
             self._writer.flush()  # type: ignore[no-untyped-call]
+            self._writer.add_metadata(CHECKPOINT, checkpoint(self._pending.crc))
             self._chunk_bytes = 0
 
     def write(self) -> None:
@@ -102,6 +130,7 @@ class RecordFile:
         while self._pending.blocks:
             block = self._pending.blocks[0]
             taken = os.pwrite(self._descriptor, block, self._offset)
+            self._digest.update(block[:taken])
             self._offset += taken
             self._pending.size -= taken
             if taken == len(block):
@@ -112,7 +141,7 @@ class RecordFile:
     def sync(self) -> None:
         """Make sure that a loss of power takes nothing of what is written. Raises OSError."""
         os.fdatasync(self._descriptor)
-        if os.fstat(self._descriptor).st_nlink == 0:
+        if self.is_gone():
             raise FileNotFoundError(2, "it was removed while being written")
 
     def finish(self) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -10,6 +11,8 @@ from typing import Any
 from uuid import uuid4
 
 from runtime.errors import NotARunError, RunExistsError, StorageError
+
+CLOSED_NAME = re.compile(r"run-(\d{4,})\.mcap")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,17 +43,49 @@ class RunFolder:
     @classmethod
     def open(cls, path: Path) -> "RunFolder":
         """The run in a folder, or beside the run.mcap that is given. Raises NotARunError when there is none."""
-        folder = path.parent if path.name == "run.mcap" else path
+        folder = path.parent if path.suffix == ".mcap" else path
         if not folder.is_dir():
             raise NotARunError(f"{path} does not exist; give the folder of a run")
-        if not (folder / "run.mcap").is_file():
+        found = cls(folder)
+        if not found.segment_paths():
             raise NotARunError(f"{path} is no run: it has no run.mcap; give the folder of a run")
-        return cls(folder)
+        return found
 
     @property
     def mcap_path(self) -> Path:
-        """The record: what came in and what came of it."""
+        """The record, what came in and what came of it: the whole of it, or its last segment."""
         return self.path / "run.mcap"
+
+    def closed_path(self, number: int) -> Path:
+        """A segment that is closed for good, counted from 1."""
+        return self.path / self.closed_name(number)
+
+    @staticmethod
+    def closed_name(number: int) -> str:
+        """Its name."""
+        return f"run-{number:04d}.mcap"
+
+    def closed_segments(self) -> dict[int, Path]:
+        """Segments that are there beside run.mcap, by number, oldest first."""
+        found = {
+            int(match[1]): path for path in self.path.glob("run-*.mcap") if (match := CLOSED_NAME.fullmatch(path.name))
+        }
+        return dict(sorted(found.items()))
+
+    def segment_paths(self) -> list[Path]:
+        """All files of the record that are there, oldest first."""
+        last = [self.mcap_path] if self.mcap_path.is_file() else []
+        return [*self.closed_segments().values(), *last]
+
+    @property
+    def manifest_path(self) -> Path:
+        """What the segments have to be: sizes and hashes in a chain."""
+        return self.path / "manifest.jsonl"
+
+    @property
+    def marks_path(self) -> Path:
+        """Where `infant mark` leaves its reasons for the recorder."""
+        return self.path / "marks"
 
     @property
     def review_path(self) -> Path:

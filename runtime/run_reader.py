@@ -9,10 +9,20 @@ from numpy.typing import NDArray
 
 from runtime.errors import NotARunError
 from runtime.estimate_messages import decode_estimate
+from runtime.manifest import Manifest
 from runtime.mcap_prefix import McapPrefix
-from runtime.messages import Gap, Record, decode_gap, decode_state_hash, decode_tick, decode_timing, decode_truth
+from runtime.messages import (
+    Gap,
+    Record,
+    decode_gap,
+    decode_state_hash,
+    decode_tick,
+    decode_timing,
+    decode_truth,
+    encode_gap,
+)
 from runtime.ros_messages import decode_ranges_m
-from runtime.run_folder import RunFolder
+from runtime.run_folder import CLOSED_NAME, RunFolder
 from runtime.run_header import RunHeader
 from runtime.tick import Tick, Timing
 from slam.estimate import Estimate
@@ -60,43 +70,83 @@ class RecordedTick:
 
 
 class RunReader:
-    """Opens a run folder, or a run.mcap.
+    """Opens a run folder, or a run.mcap; the segments of a long run are read as one.
 
     Raises NotARunError when there is no run or its head cannot be read. A run that ends early gives all its whole
-    ticks, and `truncated` says so once they have been read. `gaps` are all losses told so far.
+    ticks, and `truncated` says so once they have been read. Where a segment is damaged or gone, reading goes on with
+    the next one after a gap. `gaps` are all losses told so far.
     """
 
     def __init__(self, path: Path) -> None:
         self.folder = RunFolder.open(path)
-        self._file = McapPrefix(self.folder.mcap_path)
-        self._file.read_head()
-        self.header = _header(self._file)
+        self._paths = self.folder.segment_paths()
+        self._file, self.header = _first_header(self._paths)
         self.attachments: Mapping[str, bytes] = self._file.attachments
         self.gaps: list[Gap] = []
+        self._size = sum(path.stat().st_size for path in self._paths)
+        self._size_before = 0
+        self._losses: list[str] = []
         self._ticks = 0
         self._last_stamp_ns: int | None = None
 
     @property
     def read_fraction(self) -> float:
-        """Share of the file that has been read, for a progress bar."""
-        return self._file.offset / self._file.size
+        """Share of the run that has been read, for a progress bar."""
+        return (self._size_before + self._file.offset) / self._size
 
     @property
     def truncated(self) -> str:
-        """One sentence when the run ends early, "" when it is whole; known after reading to the end."""
-        if not self._file.damage:
+        """One sentence when the run is not whole, "" when it is; known after reading to the end."""
+        if not self._losses:
             return ""
         until = "none" if self._last_stamp_ns is None else f"the last one at {self._last_stamp_ns * 1e-9:.3f} s"
-        return (
-            f"{self._file.path} is not whole ({self._file.damage} of {self._file.size}): "
-            f"{self._ticks} whole ticks can be read, {until}"
-        )
+        what = self._paths[0] if len(self._paths) == 1 else self.folder.path
+        return f"{what} is not whole ({'; '.join(self._losses)}): {self._ticks} whole ticks can be read, {until}"
 
     def records(self) -> Iterator[Record]:
-        """Every message of the run in the order of writing."""
-        self._file = McapPrefix(self.folder.mcap_path)
-        for topic, stamp_ns, data in self._file.messages():
-            yield Record(topic, stamp_ns, data)
+        """Every message of the run in the order of writing, with a gap where something is missing between segments."""
+        manifest = Manifest.load(self.folder.manifest_path)
+        self._losses, self._size_before = [], 0
+        stamp_ns, expected, owed = 0, 1, 0  # owed: ticks that are missing and not told yet
+        for index, path in enumerate(self._paths):
+            ticks = 0
+            self._size_before += self._file.size if index else 0
+            self._file = file = McapPrefix(path)
+            number = self._number(file)
+            for name in map(RunFolder.closed_name, range(expected, number)):
+                reason = manifest.removed.get(name, "nobody knows why")
+                self._losses.append(f"{name} is gone: {reason}")
+                owed += 0 if name in manifest.lost else manifest.ticks(name, 1)
+            expected = max(expected, number + 1)
+            if not file.damage and owed:
+                yield encode_gap(Gap(stamp_ns, owed, 0, self._losses[-1]))
+                owed = 0
+            for topic, log_ns, data in file.messages() if not file.damage else ():
+                ticks += topic == "/tick"
+                stamp_ns = log_ns
+                yield Record(topic, log_ns, data)
+            if file.damage:
+                name = "" if len(self._paths) == 1 else f"{path.name}: "
+                self._losses.append(f"{name}{file.damage} of {file.size}")
+                owed += max(1, manifest.ticks(path.name, 0) - ticks)
+        missing = manifest.segments.keys() - manifest.removed.keys() - {path.name for path in self._paths}
+        last = [name for name in sorted(missing) if manifest.segments[name]["number"] >= expected]
+        self._losses += [f"{name} is gone: nobody knows why" for name in last]
+        if not last and self._paths[-1].name != "run.mcap" and not self._losses:
+            self._losses.append(f"the recording was cut off after {self._paths[-1].name}")
+
+    def _number(self, file: McapPrefix) -> int:
+        """Which segment this is; leaves damage in a file that does not belong to the run."""
+        file.read_head()
+        if "segment" in file.metadata:
+            facts, mine = file.metadata.get("infant", {}), self.header
+            if (facts.get("configuration_sha256"), facts.get("boot_id"), facts.get("created_utc")) == (
+                mine.configuration_sha256, mine.boot_id, mine.created_utc
+            ):  # fmt: skip
+                return int(file.metadata["segment"]["number"])
+            file.damage = "a file of another run at byte 0"
+        match = CLOSED_NAME.fullmatch(file.path.name)
+        return int(match[1]) if match else 0
 
     def ticks(self) -> Iterator[RecordedTick]:
         """Every whole tick.
@@ -132,12 +182,18 @@ class RunReader:
         return recorded
 
 
-def _header(file: McapPrefix) -> RunHeader:
-    try:
-        return RunHeader.from_metadata(file.metadata)
-    except (ValueError, KeyError) as error:
-        why = file.damage or str(error)
-        raise NotARunError(f"{file.path} cannot be read as a run: {why}; nothing in it can be trusted") from error
+def _first_header(paths: list[Path]) -> tuple[McapPrefix, RunHeader]:
+    """The first head that can be believed; every segment has the same. Raises NotARunError."""
+    refusals: list[tuple[Path, str, Exception]] = []
+    for path in paths:
+        file = McapPrefix(path)
+        file.read_head()
+        try:
+            return file, RunHeader.from_metadata(file.metadata)
+        except (ValueError, KeyError) as error:
+            refusals.append((path, file.damage or str(error), error))
+    path, why, cause = refusals[0]
+    raise NotARunError(f"{path} cannot be read as a run: {why}; nothing in it can be trusted") from cause
 
 
 def _recorded_tick(record: Record, scan: Record | None, gaps: list[Gap]) -> RecordedTick:

@@ -67,7 +67,10 @@ def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock) ->
     review = None
     if configuration.review.live:
         review = ReviewProcess(folder.review_path, configuration.review, configuration.slam.mount.as_pose())
-    recorder = Recorder(folder, configuration.text, installed_versions(), review.feed if review is not None else None)
+    tee = review.feed if review is not None else None
+    recorder = Recorder(
+        folder, configuration.text, installed_versions(), tee, clock.now_ns, settings=configuration.record
+    )
     publisher = ZenohPublisher(configuration.publish, configuration.rover, configuration_text=configuration.text)
     sinks: dict[str, Sink] = {"record": recorder, "publish": publisher}
     if review is not None:

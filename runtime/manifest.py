@@ -1,0 +1,116 @@
+"""The manifest of a run: one line for each segment that was closed, marked, removed or lost, in a chain of hashes.
+
+Each line is a JSON object; its `chain` is the SHA-256 over the chain of the line before and the line's other facts.
+A line can therefore be neither changed nor taken out of the middle without it being seen. The file is replaced as a
+whole: it is small (one line a minute), and so it is never torn.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+Facts = dict[str, Any]
+
+KINDS = frozenset(("segment", "mark", "removed", "lost"))
+
+
+class Manifest:
+    """Lines in memory and, after `save`, on disk. `damage` says from where the file could not be believed."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.lines: list[Facts] = []
+        self.damage = ""
+        self.saved = True
+
+    @classmethod
+    def load(cls, path: Path) -> "Manifest":
+        """Every line up to the first that is wrong; empty when there is no file (runs of older releases)."""
+        manifest = cls(path)
+        try:
+            content = path.read_bytes()
+        except FileNotFoundError:
+            return manifest
+        except OSError as error:
+            manifest.damage = f"{path.name} cannot be read ({error.strerror})"
+            return manifest
+        for number, line in enumerate(content.split(b"\n")[:-1], 1):
+            try:
+                facts = json.loads(line)
+                stated = facts.pop("chain")
+                if facts.get("kind") not in KINDS or stated != manifest._chain(facts):
+                    raise ValueError("the chain of hashes is broken")
+            except (ValueError, KeyError, TypeError, AttributeError) as error:
+                manifest.damage = f"{path.name} cannot be believed from line {number} on ({error})"
+                return manifest
+            manifest.lines.append({**facts, "chain": stated})
+        if not content.endswith(b"\n") or not manifest.lines:
+            manifest.damage = f"{path.name} is cut off after line {len(manifest.lines)}"
+        return manifest
+
+    def add(self, kind: str, **facts: Any) -> None:
+        """One more line, not yet on disk."""
+        line = {"kind": kind, **facts}
+        self.lines.append({**line, "chain": self._chain(line)})
+        self.saved = False
+
+    def save(self) -> None:
+        """Replace the file, safe against a loss of power. Raises OSError."""
+        unfinished = self.path.with_name(self.path.name + ".unfinished")
+        text = "".join(json.dumps(line, sort_keys=True) + "\n" for line in self.lines)
+        with unfinished.open("w", encoding="utf-8") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(unfinished, self.path)
+        sync_folder(self.path.parent)
+        self.saved = True
+
+    @property
+    def segments(self) -> dict[str, Facts]:
+        """What each closed segment has to be, by name of its file."""
+        return {line["name"]: line for line in self.lines if line["kind"] == "segment"}
+
+    @property
+    def removed(self) -> dict[str, str]:
+        """Segments that were removed for room or lost with their disk, and why, by name."""
+        return {line["name"]: line["reason"] for line in self.lines if line["kind"] in ("removed", "lost")}
+
+    @property
+    def lost(self) -> set[str]:
+        """Segments whose file was taken away while it was written; the next segment begins with that gap."""
+        return {line["name"] for line in self.lines if line["kind"] == "lost"}
+
+    def ticks(self, name: str, otherwise: int) -> int:
+        """How many ticks a closed segment has to hold."""
+        facts = self.segments.get(name)
+        return otherwise if facts is None else int(facts["ticks"])
+
+    @property
+    def marks(self) -> list[Facts]:
+        """What `infant mark` was told: from_ns, to_ns and reason."""
+        return [line for line in self.lines if line["kind"] == "mark"]
+
+    def is_marked(self, name: str) -> bool:
+        """Whether a segment lies within what a mark preserves."""
+        span = self.segments.get(name)
+        if span is None:
+            return bool(self.marks)
+        return any(mark["from_ns"] <= span["last_ns"] and span["first_ns"] <= mark["to_ns"] for mark in self.marks)
+
+    def _chain(self, facts: Mapping[str, Any]) -> str:
+        before = self.lines[-1]["chain"] if self.lines else ""
+        text = json.dumps(facts, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(f"{before}{text}".encode()).hexdigest()
+
+
+def sync_folder(folder: Path) -> None:
+    """Make sure that names in a folder outlive a loss of power. Raises OSError."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

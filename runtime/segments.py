@@ -1,0 +1,168 @@
+"""The record of a live run as segments: run.mcap is being written, run-0001.mcap and on are closed for good.
+
+Each segment has the whole head and is read by itself. A segment is closed when it is old enough and the disk has taken
+everything; where its file is taken away a new one is opened, and what was lost becomes a record.
+"""
+
+import os
+from collections.abc import Callable, Mapping
+
+from runtime.manifest import Manifest
+from runtime.messages import Gap, Record, encode_gap
+from runtime.record_file import RecordFile
+from runtime.run_folder import RunFolder
+
+Metadata = Mapping[str, Mapping[str, str]]
+FAR_NS = 1 << 62
+REMOVED = "run.mcap was removed while being written"
+
+
+class Segments:
+    """The files of one run, owned by the recorder's thread. Only write, sync and close touch the disk."""
+
+    def __init__(self, folder: RunFolder, metadata: Metadata, segment_ns: int, now_ns: Callable[[], int]) -> None:
+        """Open the first segment. Raises StorageError."""
+        self.folder = folder
+        self.manifest = Manifest(folder.manifest_path)
+        self._metadata = metadata
+        self._segment_ns = segment_ns
+        self._now_ns = now_ns
+        self._number = 0
+        self._unwritten: list[Record] = []  # in the file at hand, but not taken by the disk
+        self._held: list[Record] = []  # for the next file
+        self._held_bytes = 0
+        self._finished = self._ending = self._unsafe = False
+        self._file: RecordFile | None = None
+        self._open()
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes that the disk has not taken yet."""
+        return self._held_bytes + (self._file.pending_bytes if self._file is not None else 0)
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """First and last stamp in the segment at hand."""
+        return self._first_ns, self._last_ns
+
+    def add(self, record: Record) -> None:
+        """Into the chunk at hand; while a segment is being closed, into the next one."""
+        if self._file is None or self._finished:
+            self._held.append(record)
+            self._held_bytes += len(record.data)
+        else:
+            self._put(self._file, record)
+
+    def end_chunk(self) -> None:
+        """All records so far become a chunk."""
+        if self._file is not None and not self._finished:
+            self._file.end_chunk()
+
+    def write(self) -> None:
+        """Give the disk what it has not taken, then close the segment if it is time. Raises OSError, StorageError.
+
+        To be called after end_chunk. Call again to go on where it stopped.
+        """
+        if self._file is not None and self._file.is_gone():
+            self._abandon(self._file)
+            raise FileNotFoundError(2, "it was removed while being written")  # a state first; the next try replaces it
+        file = self._file or self._open()
+        file.write()
+        if not self._finished:
+            self._unwritten.clear()
+            if self._ending or self._unsafe or self._now_ns() - self._opened_ns >= self._segment_ns:
+                file.finish()
+                self._finished = True
+        if self._finished:
+            self._close_segment(file)
+        if not self.manifest.saved:
+            self.manifest.save()
+
+    def sync(self) -> None:
+        """Make sure that a loss of power takes nothing of what is written. Raises OSError.
+
+        After a refusal nobody knows which of the bytes are on disk: the segment is closed, and its hash will tell.
+        """
+        if self._file is None:
+            return
+        try:
+            self._file.sync()
+        except FileNotFoundError:
+            raise
+        except OSError:
+            self._unsafe = True
+            raise
+
+    def finish(self) -> None:
+        """After this the next write ends the record."""
+        self.end_chunk()
+        self._ending = True
+
+    def close(self) -> None:
+        """Give the file back to the system if the disk did not let it end well. Raises OSError."""
+        if self._file is not None:
+            self._file.close()
+
+    def _open(self) -> RecordFile:
+        """A new run.mcap, with the records that had to wait for it."""
+        self.folder.path.mkdir(parents=True, exist_ok=True)
+        self._number = max([self._number, *self.folder.closed_segments()]) + 1
+        if self._number > 1 and self.folder.mcap_path.exists():  # the disk is back, with a segment that was cut off
+            os.rename(self.folder.mcap_path, self.folder.closed_path(self._number))
+            self._number += 1
+        file = RecordFile(self.folder.mcap_path, {**self._metadata, "segment": {"number": str(self._number)}})
+        self._opened_ns = self._now_ns()
+        self._first_ns, self._last_ns = FAR_NS, 0
+        self._ticks = self._raw = 0
+        self._finished = self._unsafe = False
+        for record in self._held:
+            self._put(file, record)
+        file.end_chunk()
+        self._held, self._held_bytes = [], 0
+        self._file = file
+        return file
+
+    def _put(self, file: RecordFile, record: Record) -> None:
+        file.add(record)
+        self._unwritten.append(record)
+        self._ticks += record.topic == "/tick"
+        self._raw += record.topic.startswith("/raw")
+        self._first_ns = min(self._first_ns, record.stamp_ns)
+        self._last_ns = max(self._last_ns, record.stamp_ns)
+
+    def _close_segment(self, file: RecordFile) -> None:
+        """Make the file whole and give it its name; a step that is refused is done again by the next write."""
+        file.write()
+        file.sync()
+        path = self.folder.mcap_path
+        if not self._ending:
+            path = self.folder.closed_path(self._number)
+            os.chmod(self.folder.mcap_path, 0o444)
+            os.rename(self.folder.mcap_path, path)
+        self.manifest.add(
+            "segment",
+            name=path.name,
+            number=self._number,
+            bytes=file.size,
+            sha256=file.sha256,
+            first_ns=min(self._first_ns, self._last_ns),
+            last_ns=self._last_ns,
+            ticks=self._ticks,
+        )
+        self._file = None
+        file.close()
+        if not self._ending:
+            self._open().write()
+
+    def _abandon(self, file: RecordFile) -> None:
+        """Give up a file that is gone; what the disk had not taken goes into the next one, after what was lost."""
+        rescued = self._unwritten
+        self._unwritten = []
+        ticks = self._ticks - sum(record.topic == "/tick" for record in rescued)
+        raw = self._raw - sum(record.topic.startswith("/raw") for record in rescued)
+        name = self.folder.closed_path(self._number).name
+        self.manifest.add("lost", name=name, ticks=ticks, reason=REMOVED)
+        self._held = [encode_gap(Gap(self._now_ns(), ticks, raw, REMOVED)), *rescued, *self._held]
+        self._held_bytes = sum(len(record.data) for record in self._held)
+        self._file = None
+        file.close()
