@@ -1,8 +1,9 @@
-"""Commands on a recorded run: replay, import, evaluate, review, view."""
+"""Commands on a recorded run: replay, import, evaluate, review, compare, view."""
 
 import json
 import sys
 from collections.abc import Callable
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,16 @@ import typer
 from rich.console import Console
 
 AsJson = Annotated[bool, typer.Option("--json", help="one JSON object on standard output and nothing else there")]
+
+
+class FailOn(StrEnum):
+    """Least severity that makes a review fail."""
+
+    INFO = "info"
+    WARN = "warn"
+    ERROR = "error"
+
+
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 
 
@@ -19,6 +30,7 @@ def register(app: typer.Typer) -> None:
     app.command("import")(import_)
     app.command()(evaluate)
     app.command()(review)
+    app.command()(compare)
     app.command()(view)
 
 
@@ -96,14 +108,40 @@ def evaluate(
     typer.echo(json.dumps(result) if as_json else "\n".join(evaluation.evaluation_lines(result)))
 
 
-def review(run: Run, as_json: AsJson = False) -> None:
-    """Make review.rrd again from run.mcap."""
+def review(
+    run: Run,
+    fail_on: Annotated[
+        FailOn | None, typer.Option("--fail-on", help="exit code 1 where a finding is as grave as this, for CI")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write report.html and report.json with findings, and make review.rrd again."""
+    from runtime.report.build import build_report, is_as_grave, report_lines
     from runtime.review import build_review
     from runtime.run_folder import RunFolder
 
+    report = build_report(run)
     folder = RunFolder.open(run)
     build_review(folder.mcap_path, folder.review_path)
-    typer.echo(json.dumps({"review": str(folder.review_path)}) if as_json else f"review    {folder.review_path}")
+    report["review"] = str(folder.review_path)
+    typer.echo(json.dumps(report) if as_json else "\n".join([*report_lines(report), f"review    {folder.review_path}"]))
+    if fail_on is not None and is_as_grave(report, fail_on.value):
+        sys.exit(1)
+
+
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")],
+    second: Annotated[Path, typer.Argument(metavar="RUN", help="folder of another run, or of its replay")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE.html", help="default: compare.html in the second run")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Two runs side by side: figures, findings and what the configurations differ in."""
+    from runtime.report.compare import build_comparison, comparison_lines
+
+    result = build_comparison(first, second, out)
+    typer.echo(json.dumps(result) if as_json else "\n".join(comparison_lines(result)))
 
 
 def view(

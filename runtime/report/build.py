@@ -1,0 +1,46 @@
+"""From a run to its report: RUN/report.html and RUN/report.json."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from drivers.measurements import Severity
+from runtime.report.figures import figures
+from runtime.report.finding import RANKS
+from runtime.report.gather import gather
+from runtime.report.judge import judge
+from runtime.report.page import page
+from runtime.run_folder import RunFolder
+
+HTML_NAME, JSON_NAME = "report.html", "report.json"
+
+
+def build_report(run: Path) -> dict[str, Any]:
+    """Write both files and give what report.json holds, with their paths under "files".
+
+    Raises NotARunError, ConfigurationError, UsageError (an import without a replay), StorageError.
+    """
+    folder = RunFolder.open(run)
+    facts = gather(run)
+    findings = judge(facts)
+    report = figures(facts, findings)
+    html, data = folder.path / HTML_NAME, folder.path / JSON_NAME
+    folder.write(html, page(facts, findings, report))
+    folder.write(data, json.dumps(report, indent=1, default=float) + "\n")
+    return {**report, "files": {"html": str(html), "json": str(data)}}
+
+
+def is_as_grave(report: dict[str, Any], severity: str) -> bool:
+    """Whether a finding has this severity or a higher one."""
+    least = RANKS[Severity(severity)]
+    return any(RANKS[Severity(finding["severity"])] >= least for finding in report["findings"])
+
+
+def report_lines(report: dict[str, Any]) -> list[str]:
+    """The report for a person at a terminal."""
+    lines = [f"verdict   {report['verdict']}"]
+    for finding in report["findings"]:
+        lines.append(f"{finding['severity']!s:9s} {finding['title']}")
+        if finding["severity"] != "info":
+            lines += [f"          likely: {finding['cause']}", f"          change: {finding['remedy']}"]
+    return [*lines, f"report    {report['files']['html']}"]

@@ -1,0 +1,153 @@
+"""Two runs side by side: figures, findings, paths, and the keys in which their configurations differ."""
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.errors import StorageError
+from runtime.report.facts import RunFacts
+from runtime.report.figures import figures
+from runtime.report.gather import gather
+from runtime.report.judge import judge
+from runtime.report.page import document, plot, section, table, text
+from runtime.report.plots import Line, map_plot, time_plot
+from runtime.run_folder import RunFolder
+
+ABSENT = "-"
+FIGURES = (
+    ("duration", "s", ("duration_s",)),
+    ("RMS error of the pose", "m", ("accuracy", "rms_m")),
+    ("RMS error, best 95 %", "m", ("accuracy", "trimmed_rms_m")),
+    ("largest error", "m", ("accuracy", "max_m")),
+    ("RMS error of odometry alone", "m", ("accuracy", "odometry_rms_m")),
+    ("relations, translation", "m", ("accuracy", "relation_translation_m")),
+    ("relations, rotation", "deg", ("accuracy", "relation_rotation_deg")),
+    ("rate of the loop", "Hz", ("timing", "rate_hz")),
+    ("beats missed", "", ("timing", "missed")),
+    ("lateness, 99 %", "ms", ("timing", "lateness_ms", "p99")),
+    ("step of the filter, median", "ms", ("timing", "stages_ms", "step", "p50")),
+    ("step of the filter, 99 %", "ms", ("timing", "stages_ms", "step", "p99")),
+    ("scans", "", ("sensors", "laser", "samples")),
+    ("age of scans, median", "ms", ("sensors", "laser", "age_ms", "p50")),
+    ("wheel samples", "", ("sensors", "wheels", "samples")),
+    ("tracking", "share", ("filter", "quality_share", "tracking")),
+    ("standard deviation of the position, median", "m", ("filter", "position_sd_m", "p50")),
+    ("matches in a scan, median", "", ("filter", "matched", "p50")),
+    ("landmarks born", "", ("landmarks", "born")),
+    ("landmarks removed", "", ("landmarks", "removed")),
+    ("landmarks in the map", "", ("landmarks", "confirmed")),
+)
+"""Label, unit and place of each figure in report.json."""
+
+
+def build_comparison(first: Path, second: Path, out: Path | None = None) -> dict[str, Any]:
+    """Write the page (and its JSON beside it) and give the JSON. Raises as build_report does."""
+    facts = gather(first), gather(second)
+    found = judge(facts[0]), judge(facts[1])
+    reports = figures(facts[0], found[0]), figures(facts[1], found[1])
+    page = out if out is not None else RunFolder.open(second).path / "compare.html"
+    result = {
+        "runs": [str(first), str(second)],
+        "verdicts": [report["verdict"] for report in reports],
+        "figures": [
+            {"name": name, "unit": unit, "values": [_at(report, place) for report in reports]}
+            for name, unit, place in FIGURES
+        ],
+        "findings": [[finding.title for finding in findings] for findings in found],
+        "configuration": changed_keys(facts[0], facts[1]),
+        "files": {"html": str(page), "json": str(page.with_suffix(".json"))},
+    }
+    _write(page, _page(facts, result))
+    _write(page.with_suffix(".json"), json.dumps(result, indent=1, default=float) + "\n")
+    return result
+
+
+def comparison_lines(result: dict[str, Any]) -> list[str]:
+    """For a person at a terminal."""
+    lines = [f"{'':44s} {'first':>12s} {'second':>12s}"]
+    for row in result["figures"]:
+        if any(value is not None for value in row["values"]):
+            shown = (_shown(value) for value in row["values"])
+            label = f"{row['name']}, {row['unit']}" if row["unit"] else row["name"]
+            lines.append(f"{label:44s} " + " ".join(f"{value:>12s}" for value in shown))
+    for name, findings in zip(("first", "second"), result["findings"], strict=True):
+        lines += [f"{name:9s} {title}" for title in findings]
+    lines += [f"differs   {row['key']}: {row['values'][0]} | {row['values'][1]}" for row in result["configuration"]]
+    return [*lines, f"page      {result['files']['html']}"]
+
+
+def changed_keys(first: RunFacts, second: RunFacts) -> list[dict[str, Any]]:
+    """Keys of the configuration whose values differ, by full name."""
+    one, other = (dict(_leaves(facts.configuration.model_dump(mode="json"))) for facts in (first, second))
+    keys = [key for key in sorted(one.keys() | other.keys()) if one.get(key, ABSENT) != other.get(key, ABSENT)]
+    return [{"key": key, "values": [one.get(key, ABSENT), other.get(key, ABSENT)]} for key in keys]
+
+
+def _leaves(tree: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value
+
+
+def _at(report: Any, place: tuple[str, ...]) -> Any:
+    for key in place:
+        report = report.get(key) if isinstance(report, dict) else None
+    return report
+
+
+def _shown(value: Any) -> str:
+    return ABSENT if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _page(facts: tuple[RunFacts, RunFacts], result: dict[str, Any]) -> str:
+    names = [str(Path(run).name) for run in result["runs"]]
+    names = names if names[0] != names[1] else result["runs"]
+    rows = [
+        (row["name"], row["unit"], *map(_shown, row["values"]))
+        for row in result["figures"]
+        if any(value is not None for value in row["values"])
+    ]
+    paths = [
+        Line(name, item.ticks.estimated[:, 0], item.ticks.estimated[:, 1], f"path-{style}")
+        for name, item, style in zip(names, facts, "ab", strict=True)
+    ]
+    errors = [
+        Line(name, item.ticks.times_s, np.hypot(*(item.ticks.estimated[:, :2] - item.ticks.truth[:, :2]).T), style)
+        for name, item, style in zip(names, facts, "ab", strict=True)
+    ]
+    steps = [
+        Line(name, item.ticks.times_s, item.ticks.stages_ms["step"], style)
+        for name, item, style in zip(names, facts, "ab", strict=True)
+        if "step" in item.ticks.stages_ms
+    ]
+    drawings = plot("Published poses, from above", map_plot(paths, "two trajectories"))
+    if any(np.isfinite(line.y).any() for line in errors):
+        drawings += plot("Distance from the truth", time_plot(errors, "error, m"))
+    drawings += plot("Step of the filter", time_plot(steps, "duration, ms"))
+    differing = [(row["key"], *row["values"]) for row in result["configuration"]]
+    most = max(map(len, result["findings"]), default=0)
+    found = [tuple(titles[i] if i < len(titles) else "" for titles in result["findings"]) for i in range(most)]
+    body = (
+        f"<h1>{text(names[0])} and {text(names[1])}</h1>"
+        + section("Verdict", table(names, [result["verdicts"]]))
+        + section("Figures", table(("", "unit", *names), rows))
+        + section("Paths", f'<div class="pair">{drawings}</div>')
+        + section("Findings", table(names, found) if found else "<p>None in either.</p>")
+        + section("Configuration", table(("key", *names), differing) if differing else "<p>The same.</p>")
+    )
+    return document(f"{names[0]} and {names[1]}", body)
+
+
+def _write(path: Path, content: str) -> None:
+    unfinished = path.with_name(path.name + ".unfinished")
+    try:
+        unfinished.write_text(content, encoding="utf-8")
+        os.replace(unfinished, path)
+    except OSError as error:
+        raise StorageError(f"{path} cannot be written ({error.strerror}); give another file with --out") from error

@@ -1,0 +1,102 @@
+"""What a review is made from: one pass over a run leaves columns of numbers, its events, and scans to calibrate by."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.measurements import Event
+from runtime.calibrate.drive_data import DriveData
+from runtime.config import Configuration
+from runtime.messages import Gap
+from slam.estimate import LandmarkMap
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+QUALITIES = ("tracking", "uncertain", "lost")
+"""Names of the values in TickColumns.quality."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TickColumns:
+    """One row a tick; times_s counts from the first tick. NaN where nothing was recorded.
+
+    estimated, odometry, truth (n, 3): x m, y m, heading rad; position_sd_m: larger axis of the published covariance;
+    apart_m: joint Gaussian to particle mean; quality: index into QUALITIES; counts: figures of the estimate by name.
+    """
+
+    times_s: FloatArray
+    estimated: FloatArray
+    odometry: FloatArray
+    truth: FloatArray
+    position_sd_m: FloatArray
+    apart_m: FloatArray
+    quality: NDArray[np.int64]
+    lateness_ms: FloatArray
+    missed: FloatArray
+    stages_ms: dict[str, FloatArray] = field(default_factory=dict)
+    counts: dict[str, FloatArray] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanColumns:
+    """One row a scan: its stamp, how old it was at its beat, shares of beams that came back and that moved."""
+
+    times_s: FloatArray
+    age_s: FloatArray
+    returned_share: FloatArray
+    moved_share: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WheelColumns:
+    """One row a wheel sample, counts (n, 2) left and right; NaN for other kinds of odometry."""
+
+    times_s: FloatArray
+    counts: FloatArray
+    valid: BoolArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DeviceClock:
+    """The laser's own counter against the host: arrival (n,) s of the host, device (n,) s, unwrapped; may be empty."""
+
+    arrival_s: FloatArray
+    device_s: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunFacts:
+    """All that findings and the page may look at. origin_ns: stamp of the first tick."""
+
+    name: str
+    source: str
+    created_utc: str
+    configuration: Configuration
+    versions: dict[str, str]
+    origin_ns: int
+    ticks: TickColumns
+    scans: ScanColumns
+    wheels: WheelColumns
+    device_clock: DeviceClock
+    events: tuple[Event, ...]
+    gaps: tuple[Gap, ...]
+    truncated: str
+    landmarks: LandmarkMap | None
+    drive: DriveData | None
+    accuracy: dict[str, Any]
+
+    @property
+    def duration_s(self) -> float:
+        """From the first tick to the last."""
+        return float(self.ticks.times_s[-1]) if self.ticks.times_s.size else 0.0
+
+    def seconds(self, stamp_ns: int) -> float:
+        """A stamp as seconds since the first tick."""
+        return (stamp_ns - self.origin_ns) * 1e-9
+
+    def events_of(self, source: str, *kinds: str) -> list[Event]:
+        """Events of a source, of these kinds if any are named."""
+        return [event for event in self.events if event.source == source and (not kinds or event.kind in kinds)]

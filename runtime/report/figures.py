@@ -1,0 +1,113 @@
+"""The figures of a run as report.json holds them and the page shows them."""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.report.facts import QUALITIES, FloatArray, RunFacts
+from runtime.report.finding import Finding, silences, worst
+from runtime.report.judge import verdict
+
+SHOWN_EVENTS = 200  # of thousands in a bad run; the record has them all
+FORMAT = 1
+
+
+def figures(facts: RunFacts, findings: Sequence[Finding]) -> dict[str, Any]:
+    """All of it; what is not known is None."""
+    return {
+        "format": FORMAT,
+        "run": facts.name,
+        "source": facts.source,
+        "created_utc": facts.created_utc,
+        "configuration_sha256": facts.configuration.sha256,
+        "duration_s": round(facts.duration_s, 2),
+        "verdict": verdict(findings),
+        "severity": worst(findings).value,
+        "findings": [finding.as_json() for finding in findings],
+        "accuracy": facts.accuracy,
+        "timing": _timing(facts),
+        "sensors": _sensors(facts),
+        "filter": _filter(facts),
+        "landmarks": _landmarks(facts),
+        "events": _events(facts),
+        "truncated": facts.truncated or None,
+    }
+
+
+def _timing(facts: RunFacts) -> dict[str, Any]:
+    ticks = facts.ticks
+    rate_hz = (ticks.times_s.size - 1) / facts.duration_s if facts.duration_s > 0.0 else None
+    return {
+        "ticks": int(ticks.times_s.size),
+        "missed": int(ticks.missed.sum()),
+        "rate_hz": None if rate_hz is None else round(rate_hz, 3),
+        "lateness_ms": spread(ticks.lateness_ms),
+        "stages_ms": {name: spread(values) for name, values in ticks.stages_ms.items()},
+    }
+
+
+def _sensors(facts: RunFacts) -> dict[str, Any]:
+    valid = facts.wheels.times_s[facts.wheels.valid]
+    return {
+        "laser": {**_stream(facts.scans.times_s, facts.duration_s), "age_ms": spread(facts.scans.age_s * 1e3)},
+        "wheels": {**_stream(valid, facts.duration_s), "invalid": int((~facts.wheels.valid).sum())},
+    }
+
+
+def _stream(times_s: FloatArray, duration_s: float) -> dict[str, Any]:
+    steps = np.diff(times_s)
+    rate_hz = round(float(1.0 / np.median(steps)), 2) if steps.size and np.median(steps) > 0 else None
+    gaps = [[round(start, 2), round(end, 2)] for start, end in silences(times_s, duration_s, 0.5)]
+    return {"samples": int(times_s.size), "usual_rate_hz": rate_hz, "gaps_s": gaps}
+
+
+def _filter(facts: RunFacts) -> dict[str, Any]:
+    ticks = facts.ticks
+    shares = {word: round(float((ticks.quality == index).mean()), 4) for index, word in enumerate(QUALITIES)}
+    return {
+        "quality_share": shares,
+        "position_sd_m": spread(ticks.position_sd_m),
+        "particles_apart_m": spread(ticks.apart_m),
+        "effective_particles": spread(ticks.counts.get("effective_particles", np.empty(0))),
+        "features": spread(ticks.counts.get("features", np.empty(0))),
+        "matched": spread(ticks.counts.get("matched", np.empty(0))),
+    }
+
+
+def _landmarks(facts: RunFacts) -> dict[str, Any]:
+    counts = facts.ticks.counts
+    last = counts.get("landmarks", np.zeros(1))
+    known = last[np.isfinite(last)]
+    return {
+        "born": int(np.nansum(counts.get("created", np.zeros(1)))),
+        "removed": int(np.nansum(counts.get("removed", np.zeros(1)))),
+        "at_end": int(known[-1]) if known.size else 0,
+        "confirmed": 0 if facts.landmarks is None else len(facts.landmarks.identities),
+    }
+
+
+def _events(facts: RunFacts) -> dict[str, Any]:
+    counted = Counter(f"{event.source}.{event.kind}" for event in facts.events)
+    shown = [
+        {
+            "time_s": round(facts.seconds(event.stamp_ns), 2),
+            "source": event.source,
+            "kind": event.kind,
+            "severity": event.severity.value,
+            "reason": event.reason,
+        }
+        for event in facts.events[:SHOWN_EVENTS]
+    ]
+    return {"total": len(facts.events), "by_kind": dict(counted.most_common()), "first": shown}
+
+
+def spread(values: NDArray[np.float64]) -> dict[str, float] | None:
+    """Median, 99th percentile and largest; None where there is nothing."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return None
+    p50, p99 = np.percentile(known, (50.0, 99.0))
+    return {"p50": round(float(p50), 4), "p99": round(float(p99), 4), "max": round(float(known.max()), 4)}

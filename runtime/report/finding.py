@@ -1,0 +1,74 @@
+"""What a review says about a run: one finding with its evidence, its likely cause and what to change."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.measurements import Severity
+
+Interval = tuple[float, float]
+RANKS = {Severity.INFO: 0, Severity.WARN: 1, Severity.ERROR: 2}
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """kind: a short stable word; title: one sentence with the figures; evidence: what was measured;
+    cause: the most likely one; remedy: the configuration line or the thing to do; intervals: s since the first tick.
+    """
+
+    kind: str
+    severity: Severity
+    title: str
+    evidence: tuple[str, ...]
+    cause: str
+    remedy: str
+    intervals: tuple[Interval, ...] = ()
+
+    def as_json(self) -> dict[str, Any]:
+        """For report.json."""
+        return asdict(self)
+
+
+def worst(findings: Sequence[Finding]) -> Severity:
+    """The highest severity; info where there are none."""
+    return max((finding.severity for finding in findings), key=RANKS.__getitem__, default=Severity.INFO)
+
+
+def span_text(interval: Interval) -> str:
+    """12.1-13.4 s, or 03:10-04:20 from the second minute on."""
+    start, end = interval
+    if end < 120.0:
+        return f"{start:.1f}-{end:.1f} s"
+    return f"{_clock(start)}-{_clock(end)}"
+
+
+def spans_text(intervals: Sequence[Interval], most: int = 4) -> str:
+    """The first few of them."""
+    text = ", ".join(span_text(interval) for interval in intervals[:most])
+    return f"{text} and {len(intervals) - most} more" if len(intervals) > most else text
+
+
+def intervals_where(
+    times_s: NDArray[np.float64], holds: NDArray[np.bool_], joined_s: float, least_s: float = 0.0
+) -> tuple[Interval, ...]:
+    """Stretches of time where something holds; those nearer than joined_s are one, those below least_s are left out."""
+    stretches: list[Interval] = []
+    for time_s in times_s[holds].tolist():
+        if stretches and time_s - stretches[-1][1] <= joined_s:
+            stretches[-1] = (stretches[-1][0], time_s)
+        else:
+            stretches.append((time_s, time_s))
+    return tuple(stretch for stretch in stretches if stretch[1] - stretch[0] >= least_s)
+
+
+def silences(times_s: NDArray[np.float64], until_s: float, least_s: float) -> tuple[Interval, ...]:
+    """Where nothing came for least_s or longer between 0 and until_s; all of it where there is nothing at all."""
+    edges = np.concatenate(((0.0,), np.sort(np.clip(times_s, 0.0, until_s)), (until_s,)))
+    return tuple((float(edges[i]), float(edges[i + 1])) for i in np.flatnonzero(np.diff(edges) >= least_s))
+
+
+def _clock(seconds: float) -> str:
+    return f"{int(seconds) // 60:02d}:{int(seconds) % 60:02d}"

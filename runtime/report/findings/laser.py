@@ -1,0 +1,212 @@
+"""What was wrong with the laser: silence, damage, a restart, a low rate, scans that came late, a fast clock."""
+
+import numpy as np
+
+from drivers.measurements import Event, Severity
+from runtime.report.facts import RunFacts
+from runtime.report.finding import Finding, intervals_where, silences, span_text, spans_text
+
+SILENT_S = 0.5  # five sweeps at 10 Hz: one or two lost sweeps are not silence
+SILENT_PERIODS = 5.0  # the same for slower lasers
+SILENT_ERROR_S = 10.0  # as slam.quality calls the pose lost then
+LOST_SHARE = 0.05  # of the sweeps; a laser and its cable lose none
+SLOW_SHARE = 0.9  # of the expected rate; a motor keeps its speed within 1 %
+LATE_S = 0.25  # age at the beat; 0.1 s of sweep, at most one beat of waiting, and some of the network's
+LATE_SCANS_SHARE = 0.05
+OFTEN = 3  # events of a kind; a loaded host or one bit error gives one or two
+DRIFT_PPM = 300.0  # a crystal keeps 100 ppm
+DRIFT_LEAST_S = 0.02  # apart at the end: a busy host delays even the fastest arrivals by some milliseconds
+ADDRESS = "laser.url"
+CAUSES = {  # what the driver said around a silence, most telling first
+    "status_": ("the laser reported a fault of its own", "look the status up in the manual, then service the laser"),
+    "frozen_scans": ("the laser repeats the same ranges: its receiver or its motor is stuck", "power-cycle the laser"),
+    "stale_stamp": ("the laser's stamp stands still", "power-cycle the laser, update its firmware"),
+    "wrong_size": ("the laser answers another request than ours", "see that no other program talks to the laser"),
+    "checksum_errors": ("messages arrive damaged", "check the laser's cable and plug"),
+    "framing_errors": ("messages arrive torn", "check the laser's cable and plug"),
+    "garbage": ("bytes arrive that are no messages", "check that laser.url names the laser, and its baud rate"),
+    "clock_restarts": ("the laser lost power and came back", "check its power supply and plug"),
+    "connections": ("the connection broke and came back", "check the laser's cable, plug and power"),
+}
+
+
+def laser_findings(facts: RunFacts) -> list[Finding]:
+    """All of them, for runs with a laser."""
+    return [*_silent(facts), *_damage(facts), *_restarts(facts), *_rate(facts), *_late(facts), *_drift(facts)]
+
+
+def expected_period_s(facts: RunFacts) -> float:
+    """The rate that most sweeps have, but no slower than the beat unless the recording is of another kind."""
+    steps = np.diff(facts.scans.times_s)
+    usual = float(np.median(steps)) if steps.size else 0.1
+    return min(usual, 1.0 / facts.configuration.loop.rate_hz) if facts.source == "live" else usual
+
+
+def _silent(facts: RunFacts) -> list[Finding]:
+    least_s = max(SILENT_S, SILENT_PERIODS * expected_period_s(facts))
+    intervals = silences(facts.scans.times_s, facts.duration_s, least_s)
+    if not intervals:
+        return []
+    longest = max(end - start for start, end in intervals)
+    around = [
+        event
+        for event in facts.events_of("laser")
+        if any(start - 1.0 <= facts.seconds(event.stamp_ns) <= end + 1.5 for start, end in intervals)
+    ]
+    cause, remedy = _cause(around)
+    return [
+        Finding(
+            "laser_silent",
+            Severity.ERROR if longest >= SILENT_ERROR_S else Severity.WARN,
+            f"laser silent {spans_text(intervals)}",
+            (f"no usable scan for up to {longest:.1f} s; more than {least_s:.1f} s counts", *_told(around)),
+            cause,
+            remedy,
+            intervals,
+        )
+    ]
+
+
+def _cause(around: list[Event]) -> tuple[str, str]:
+    for kind, advice in CAUSES.items():
+        if any(event.kind.startswith(kind) for event in around):
+            return advice
+    return "nothing arrives: power, cable, or the laser hangs", f"check power and cable, and that {ADDRESS} is right"
+
+
+def _told(events: list[Event], most: int = 3) -> tuple[str, ...]:
+    return tuple(f"driver: {event.reason}" for event in events[:most])
+
+
+def _damage(facts: RunFacts) -> list[Finding]:
+    """Damage that came more than once or twice, and ranges that repeat."""
+    findings = []
+    for kinds, name, title in (
+        (("checksum_errors", "framing_errors", "torn_messages"), "laser_checksum", "laser messages arrive damaged"),
+        (("frozen_scans",), "laser_frozen", "the laser repeats the same ranges"),
+    ):
+        events = facts.events_of("laser", *kinds)
+        if not events:
+            continue
+        times_s = np.array([facts.seconds(event.stamp_ns) for event in events])
+        intervals = intervals_where(times_s, np.ones(len(times_s), dtype=np.bool_), 3.0)
+        cause, remedy = CAUSES[events[0].kind] if events[0].kind in CAUSES else CAUSES["framing_errors"]
+        often = len(events) >= OFTEN or name == "laser_frozen"
+        severity = Severity.WARN if often else Severity.INFO
+        evidence = (f"{len(events)} reports, at most one a second", *_told(events, 2))
+        findings.append(
+            Finding(name, severity, f"{title}, {spans_text(intervals)}", evidence, cause, remedy, intervals)
+        )
+    return findings
+
+
+def _restarts(facts: RunFacts) -> list[Finding]:
+    events = facts.events_of("laser", "clock_restarts", "stale_stamp", "out_of_order", "future_stamps")
+    refused = facts.ticks.counts.get("scan_stamps_refused", np.zeros(1))
+    refusals = int(np.nanmax(refused)) if np.isfinite(refused).any() else 0
+    if not events and not refusals:
+        return []
+    times_s = np.array([facts.seconds(event.stamp_ns) for event in events])
+    intervals = intervals_where(times_s, np.ones(len(times_s), dtype=np.bool_), 2.0)
+    at = f" at {', '.join(f'{start:.1f} s' for start, _ in intervals[:4])}" if intervals else ""
+    restarted = any(event.kind == "clock_restarts" for event in events)
+    return [
+        Finding(
+            "scan_stamps_jump",
+            Severity.WARN,
+            f"scan stamps jump{at}: {'the laser began anew' if restarted else 'stamps stand still or run backwards'}",
+            (f"{refusals} scans refused by the filter for their stamp", *_told(events)),
+            "the laser was switched off and on, or reset itself" if restarted else "the laser's clock misbehaves",
+            "check the laser's power supply and plug" if restarted else 'laser.stamp_reference, or other firmware',
+            intervals,
+        )
+    ]
+
+
+def _rate(facts: RunFacts) -> list[Finding]:
+    """Sweeps that are missing here and there; long silences are told apart."""
+    if facts.scans.times_s.size < 20:
+        return []
+    period_s = expected_period_s(facts)
+    steps = np.diff(facts.scans.times_s)
+    short = steps < max(SILENT_S, SILENT_PERIODS * period_s)
+    missing = np.maximum(np.rint(steps / period_s) - 1.0, 0.0)
+    share = float(missing[short].sum() / max(1.0, (steps[short] / period_s).sum()))
+    if share < LOST_SHARE:
+        return []
+    starts = facts.scans.times_s[:-1]
+    intervals = intervals_where(starts, short & (missing > 0), 2.0, 1.0)
+    arrived = _arrived_share(facts, period_s) > 1.0 - LOST_SHARE
+    even = bool(np.std(steps[short & (missing > 0)]) < 0.1 * period_s)
+    name = "laser_rate_low" if even and share > 0.3 else "laser_scans_lost"
+    rate_hz = float(1.0 / np.mean(steps[short]))
+    cause = "the motor turns slower, or the laser skips sweeps" if name == "laser_rate_low" else "sweeps get lost"
+    return [
+        Finding(
+            name,
+            Severity.INFO if arrived else Severity.WARN,
+            f"laser rate low: {rate_hz:.1f} Hz of {1.0 / period_s:.1f} Hz, {share:.0%} of the sweeps are missing",
+            (
+                f"missing in {spans_text(intervals)}" if intervals else "missing now and then",
+                f"lost at {'even' if even else 'uneven'} distances",
+                *(("every sweep came over the wire: the loop took the newer of two",) if arrived else ()),
+            ),
+            f"{cause}: network or host too busy, interference, or the laser's own settings",
+            "a direct cable to the laser; nothing else asking it for scans; laser.url",
+            intervals,
+        )
+    ]
+
+
+def _arrived_share(facts: RunFacts, period_s: float) -> float:
+    """Sweeps that came over the wire, of those that should have; 0 where the bytes were not recorded."""
+    arrival = facts.device_clock.arrival_s
+    return float((arrival.size - 1) * period_s / (arrival[-1] - arrival[0])) if arrival.size > 20 else 0.0
+
+
+def _late(facts: RunFacts) -> list[Finding]:
+    if facts.source != "live" or facts.scans.age_s.size < 20:
+        return []
+    late = facts.scans.age_s > LATE_S
+    share = float(late.mean())
+    events = facts.events_of("laser", "late_scans")
+    if share < LATE_SCANS_SHARE and len(events) < OFTEN:
+        return []
+    intervals = intervals_where(facts.scans.times_s, late, 2.0)
+    middle_s, most_s = np.percentile(facts.scans.age_s, (50.0, 99.0))
+    return [
+        Finding(
+            "laser_late",
+            Severity.WARN if share >= LATE_SCANS_SHARE else Severity.INFO,
+            f"scans arrive late: {share:.0%} of them are older than {LATE_S * 1e3:.0f} ms at their beat",
+            (f"median age {middle_s * 1e3:.0f} ms, 99 % {most_s * 1e3:.0f} ms", *_told(events)),
+            "the network or the host delays them; the pose between is a prediction from the wheels",
+            "a direct cable to the laser; loop.priority so that the host's other work waits",
+            intervals,
+        )
+    ]
+
+
+def _drift(facts: RunFacts) -> list[Finding]:
+    """Device against host by the fastest arrivals of the first and last fifth: delays only ever add."""
+    arrival, device = facts.device_clock.arrival_s, facts.device_clock.device_s
+    if arrival.size < 50 or (np.diff(device) < 0.0).any():
+        return []  # a clock that began anew has no drift
+    fifth = arrival.size // 5
+    delay = arrival - device
+    first, last = int(np.argmin(delay[:fifth])), arrival.size - fifth + int(np.argmin(delay[-fifth:]))
+    ahead_s = float(delay[first] - delay[last])
+    ppm = ahead_s / float(arrival[last] - arrival[first]) * 1e6
+    if abs(ppm) < DRIFT_PPM or abs(ahead_s) < DRIFT_LEAST_S:
+        return []
+    measured = (float(arrival[first]), float(arrival[last]))
+    return [
+        Finding(
+            "laser_clock_drift",
+            Severity.WARN,
+            f"the laser's clock runs {abs(ppm):.0f} ppm {'fast' if ppm > 0 else 'slow'}",
+            (f"its counter gained {ahead_s * 1e3:+.0f} ms on the host, {span_text(measured)}; crystals keep 100 ppm",),
+            "a worn or cold oscillator in the laser, or the host's clock is being slewed",
+            "the driver follows it; watch it, and check the host's time service if all devices seem to drift",
+        )
+    ]

@@ -1,0 +1,137 @@
+"""Whether the pose could be believed, what moved around the rover, and how far off the pose was."""
+
+import numpy as np
+
+from drivers.measurements import Severity
+from runtime.report.facts import QUALITIES, RunFacts
+from runtime.report.finding import Finding, intervals_where, spans_text
+
+STARTING_S = 2.0  # before the first scans nothing is known, and that is no fault
+UNCERTAIN_S = 1.0  # shorter doubts pass with the next landmarks
+JUMP_M = 0.5  # in one beat beyond what the wheels say; a rover at 0.5 m/s moves 0.05
+JUMP_SIGMAS = 5.0
+BLIND_S = 10.0  # without any match; a bend around a bare building takes as long
+PEOPLE_SHARE = 0.02  # of the returns refused because they moved: a person at 5 m covers 3 deg of 270
+PEOPLE_S = 1.0
+WORSE_FACTOR = 2.0
+WORSE_M = 0.2
+
+
+def pose_findings(facts: RunFacts) -> list[Finding]:
+    """All of them."""
+    return [*_quality(facts), *_jumps(facts), *_unmatched(facts), *_people(facts), *_accuracy(facts)]
+
+
+def _quality(facts: RunFacts) -> list[Finding]:
+    ticks, findings = facts.ticks, []
+    late = ticks.times_s > STARTING_S
+    for word, severity, least_s in (("uncertain", Severity.WARN, UNCERTAIN_S), ("lost", Severity.ERROR, 0.0)):
+        holds = (ticks.quality >= QUALITIES.index(word)) & late
+        intervals = intervals_where(ticks.times_s, holds, 0.35, least_s)
+        if not intervals:
+            continue
+        inside = holds & np.isfinite(ticks.position_sd_m)
+        blind = any(start <= t <= end for t in _blind_times(facts) for start, end in intervals)
+        findings.append(
+            Finding(
+                f"pose_{word}",
+                severity,
+                f"pose {word} {spans_text(intervals)}",
+                (
+                    f"standard deviation up to {min(ticks.position_sd_m[inside].max(), 1e6):.2f} m, both estimators "
+                    f"up to {ticks.apart_m[inside].max():.2f} m apart",
+                ),
+                "no scans came: see the laser" if blind else "too few landmarks in view, or matches that contradict",
+                "what the laser's finding says" if blind else "slam.particles more; landmarks along the course",
+                intervals,
+            )
+        )
+    return findings
+
+
+def _blind_times(facts: RunFacts) -> list[float]:
+    """Moments a second after a scan that had no follower."""
+    times = facts.scans.times_s
+    return [float(times[i]) + 1.1 for i in np.flatnonzero(np.diff(times) > 1.0)]
+
+
+def _jumps(facts: RunFacts) -> list[Finding]:
+    """Steps of the published pose that the wheels do not explain."""
+    ticks = facts.ticks
+    if ticks.times_s.size < 3:
+        return []
+    ways = [np.hypot(*np.diff(poses[:, :2], axis=0).T) for poses in (ticks.estimated, ticks.odometry)]
+    beyond = np.maximum(JUMP_M, JUMP_SIGMAS * ticks.position_sd_m[1:])
+    holds = (ways[0] - ways[1] > beyond) & (ticks.times_s[1:] > STARTING_S)
+    if not holds.any():
+        return []
+    intervals = intervals_where(ticks.times_s[1:], holds, 0.5)
+    return [
+        Finding(
+            "pose_jumps",
+            Severity.WARN,
+            f"the pose jumps by up to {(ways[0] - ways[1])[holds].max():.1f} m at {spans_text(intervals)}",
+            (f"{int(holds.sum())} steps beyond {JUMP_M} m and {JUMP_SIGMAS:.0f} standard deviations",),
+            "a wrong match that was put right, or wheels that slipped or were silent",
+            "slam.particles more; see the wheels' findings",
+            intervals,
+        )
+    ]
+
+
+def _unmatched(facts: RunFacts) -> list[Finding]:
+    matched = facts.ticks.counts.get("matched")
+    if matched is None:
+        return []
+    seen = np.isfinite(matched) & (facts.ticks.times_s > 5.0)
+    times_s = facts.ticks.times_s[seen]
+    if not times_s.size:
+        return []
+    intervals = intervals_where(times_s, matched[seen] == 0, 0.35, BLIND_S)
+    if not intervals:
+        return []
+    return [
+        Finding(
+            "no_landmarks",
+            Severity.WARN,
+            f"no landmark matched {spans_text(intervals)}",
+            ("the pose is dead reckoning there",),
+            "nothing that stands still in view, or features that the front end refuses",
+            "slam.front_end: wider or more features; another course",
+            intervals,
+        )
+    ]
+
+
+def _people(facts: RunFacts) -> list[Finding]:
+    moved = np.nan_to_num(facts.scans.moved_share)
+    intervals = intervals_where(facts.scans.times_s, moved > PEOPLE_SHARE, 1.0, PEOPLE_S)
+    if not intervals:
+        return []
+    return [
+        Finding(
+            "people",
+            Severity.INFO,
+            f"people walked along {spans_text(intervals)}",
+            (f"up to {moved.max():.0%} of the returns were refused because what they fell on moved",),
+            "people, or other things that move",
+            "nothing: they are not used as landmarks (slam.techniques.difference)",
+            intervals,
+        )
+    ]
+
+
+def _accuracy(facts: RunFacts) -> list[Finding]:
+    slam_m, odometry_m = facts.accuracy.get("rms_m"), facts.accuracy.get("odometry_rms_m")
+    if slam_m is None or odometry_m is None or slam_m < WORSE_FACTOR * odometry_m + WORSE_M:
+        return []
+    return [
+        Finding(
+            "worse_than_odometry",
+            Severity.WARN,
+            f"the pose is farther from the truth ({slam_m:.2f} m RMS) than the wheels alone ({odometry_m:.2f} m)",
+            (f"truth: {facts.accuracy['truth']}",),
+            "wrong matches, or a wrong mount of the laser",
+            "slam.mount; slam.particles more",
+        )
+    ]

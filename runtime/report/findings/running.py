@@ -1,0 +1,131 @@
+"""What was wrong with the host: beats missed or late, and a record that has holes."""
+
+import numpy as np
+
+from drivers.measurements import Severity
+from runtime.report.facts import RunFacts
+from runtime.report.finding import Finding, intervals_where, spans_text
+
+MISSED_SHARE = 0.005  # of the beats: one in 20 s
+MISSED_ERROR_SHARE = 0.05
+LATE_MS = 20.0  # a fifth of a beat; a real-time thread stays under 1
+LATE_SHARE = 0.01
+SLOW_SHARE = 0.6  # of the beat for the filter; what else runs needs the rest
+PATH_OF_LOOP = "loop.priority = 50, slam.particles fewer, or less other work on the host"
+
+
+def running_findings(facts: RunFacts) -> list[Finding]:
+    """All of them; a replay tells of the drive it was made from."""
+    return [*_missed(facts), *_late(facts), *_slow(facts), *_storage(facts), *_defects(facts)]
+
+
+def _missed(facts: RunFacts) -> list[Finding]:
+    missed = facts.ticks.missed
+    total = int(missed.sum())
+    if not total:
+        return []
+    share = total / (missed.size + total)
+    severity = Severity.INFO if share < MISSED_SHARE else Severity.WARN
+    severity = Severity.ERROR if share >= MISSED_ERROR_SHARE else severity
+    intervals = intervals_where(facts.ticks.times_s, missed > 0, 3.0)
+    return [
+        Finding(
+            "missed_beats",
+            severity,
+            f"{total} beats missed ({share:.1%}), {spans_text(intervals)}",
+            (f"at most {int(missed.max())} in a row",),
+            "the host was busy, or a step of the filter took longer than a beat",
+            PATH_OF_LOOP,
+            intervals,
+        )
+    ]
+
+
+def _late(facts: RunFacts) -> list[Finding]:
+    late_ms = facts.ticks.lateness_ms[np.isfinite(facts.ticks.lateness_ms)]
+    if late_ms.size < 20:
+        return []
+    late = late_ms > LATE_MS
+    if late.mean() < LATE_SHARE:
+        return []
+    p99 = np.percentile(late_ms, 99)
+    return [
+        Finding(
+            "late_beats",
+            Severity.WARN,
+            f"{late.mean():.1%} of the beats are more than {LATE_MS:.0f} ms late (99 % within {p99:.0f} ms)",
+            (f"largest {late_ms.max():.0f} ms",),
+            "other work on the host keeps the loop from waking up",
+            PATH_OF_LOOP,
+        )
+    ]
+
+
+def _slow(facts: RunFacts) -> list[Finding]:
+    step_ms = facts.ticks.stages_ms.get("step")
+    if step_ms is None or facts.source != "live":
+        return []
+    p99, beat_ms = float(np.nanpercentile(step_ms, 99)), 1e3 / facts.configuration.loop.rate_hz
+    if p99 < SLOW_SHARE * beat_ms:
+        return []
+    return [
+        Finding(
+            "slow_filter",
+            Severity.INFO,
+            f"the filter takes {p99:.0f} ms of the beat's {beat_ms:.0f} ms (99 %)",
+            (f"median {np.nanmedian(step_ms):.1f} ms",),
+            "many particles or landmarks for this host",
+            "slam.particles",
+        )
+    ]
+
+
+def _storage(facts: RunFacts) -> list[Finding]:
+    findings = []
+    if facts.gaps:
+        ticks, raw = sum(gap.ticks for gap in facts.gaps), sum(gap.raw for gap in facts.gaps)
+        at = tuple((facts.seconds(gap.stamp_ns),) * 2 for gap in facts.gaps)
+        findings.append(
+            Finding(
+                "storage_gap",
+                Severity.WARN,
+                f"the record lost {ticks} ticks and {raw} raw messages, until {spans_text(at)}",
+                tuple(dict.fromkeys(gap.reason for gap in facts.gaps))[:3],
+                "the disk was full or slower than the data",
+                "free space or a faster disk; record.raw = false halves the data",
+                at,
+            )
+        )
+    if facts.truncated:
+        findings.append(
+            Finding(
+                "truncated",
+                Severity.WARN,
+                "the record ends early",
+                (facts.truncated,),
+                "the process was killed, or the power went",
+                "nothing is needed: all whole ticks are used",
+            )
+        )
+    return findings
+
+
+def _defects(facts: RunFacts) -> list[Finding]:
+    """Reports of errors from parts that no other finding looks at."""
+    events = [
+        event
+        for event in facts.events
+        if event.severity is Severity.ERROR and event.source not in ("laser", "encoders", "health")
+    ]
+    if not events:
+        return []
+    return [
+        Finding(
+            "defect",
+            Severity.ERROR,
+            f"{len(events)} errors reported by {', '.join(sorted({event.source for event in events}))}",
+            tuple(event.reason for event in events[:3]),
+            "a defect of the software",
+            "report it together with the run",
+        )
+    ]

@@ -1,0 +1,35 @@
+"""All findings of a run, and the verdict that follows from them."""
+
+from collections.abc import Sequence
+
+from drivers.measurements import Severity
+from runtime.report.facts import RunFacts
+from runtime.report.finding import RANKS, Finding, worst
+from runtime.report.findings.geometry import geometry_findings
+from runtime.report.findings.laser import laser_findings
+from runtime.report.findings.pose import pose_findings
+from runtime.report.findings.running import running_findings
+from runtime.report.findings.wheels import wheel_findings
+
+VERDICTS = {
+    Severity.INFO: "healthy",
+    Severity.WARN: "usable, with something to look at",
+    Severity.ERROR: "not to be relied on as it is",
+}
+
+
+def judge(facts: RunFacts) -> list[Finding]:
+    """The gravest first."""
+    findings = [
+        *laser_findings(facts),
+        *wheel_findings(facts),
+        *geometry_findings(facts),
+        *running_findings(facts),
+        *pose_findings(facts),
+    ]
+    return sorted(findings, key=lambda finding: -RANKS[finding.severity])
+
+
+def verdict(findings: Sequence[Finding]) -> str:
+    """In a few words."""
+    return VERDICTS[worst(findings)]

@@ -1,0 +1,162 @@
+"""Inline SVG plots: no script, no network, colours from the page's own style so that light and dark both work."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.report.finding import Interval
+
+FloatArray = NDArray[np.float64]
+MOST_POINTS = 600  # more than a phone or a printer shows; every bin keeps its least and its greatest
+WIDTH, LEFT, RIGHT, TOP, BOTTOM = 640.0, 52.0, 8.0, 8.0, 34.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """One curve or cloud: name for the legend, x and y (n,), style: a class of the page's style sheet."""
+
+    name: str
+    x: FloatArray
+    y: FloatArray
+    style: str
+    dots: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """From values to places in the drawing."""
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    height: float
+
+    def x(self, value: float) -> float:
+        return LEFT + (value - self.low[0]) / (self.high[0] - self.low[0]) * (WIDTH - LEFT - RIGHT)
+
+    def y(self, value: float) -> float:
+        return self.height - BOTTOM - (value - self.low[1]) / (self.high[1] - self.low[1]) * (
+            self.height - TOP - BOTTOM
+        )
+
+
+def time_plot(
+    lines: Sequence[Line],
+    y_label: str,
+    marked: Sequence[Interval] = (),
+    height: float = 190.0,
+    from_zero: bool = True,
+) -> str:
+    """Curves over the seconds of the run; marked intervals are shaded."""
+    drawn = [line for line in lines if np.isfinite(line.y).any()]
+    if not drawn:
+        return '<p class="quiet">Nothing recorded.</p>'
+    values = np.concatenate([line.y[np.isfinite(line.y)] for line in drawn])
+    low, high = (min(0.0, float(values.min())) if from_zero else float(values.min())), float(values.max())
+    high = high if high > low else low + 1.0
+    last_s = max(float(line.x.max()) for line in drawn)
+    frame = _Frame((0.0, low), (max(last_s, 1.0), high + 0.04 * (high - low)), height)
+    parts = [
+        f'<rect class="marked" x="{frame.x(start):.1f}" y="{TOP:.0f}" '
+        f'width="{max(2.0, frame.x(end) - frame.x(start)):.1f}" height="{height - TOP - BOTTOM:.0f}"/>'
+        for start, end in marked
+    ]
+    parts += [_axes(frame, "time, s", y_label), *(_curve(line, frame) for line in drawn)]
+    return _svg("".join(parts), height, y_label) + _legend(drawn)
+
+
+def map_plot(lines: Sequence[Line], label: str) -> str:
+    """Places in metres, both axes to the same scale, x to the right and y up."""
+    drawn = [line for line in lines if line.x.size and np.isfinite(line.x).any()]
+    if not drawn:
+        return '<p class="quiet">Nothing recorded.</p>'
+    spans = []
+    for axis in ("x", "y"):
+        values = np.concatenate([getattr(line, axis)[np.isfinite(getattr(line, axis))] for line in drawn])
+        margin = max(0.5, 0.04 * float(np.ptp(values)))
+        spans.append((float(values.min()) - margin, float(values.max()) + margin))
+    (x0, x1), (y0, y1) = spans
+    scale = (WIDTH - LEFT - RIGHT) / (x1 - x0)
+    height = (y1 - y0) * scale + TOP + BOTTOM
+    if height > 620.0:
+        more = (y1 - y0) * (WIDTH - LEFT - RIGHT) / (620.0 - TOP - BOTTOM) - (x1 - x0)
+        x0, x1, height = x0 - 0.5 * more, x1 + 0.5 * more, 620.0
+    frame = _Frame((x0, y0), (x1, y1), height)
+    return _svg(_axes(frame, "x, m", "y, m") + "".join(_curve(line, frame) for line in drawn), height, label) + _legend(
+        drawn
+    )
+
+
+def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """At most MOST_POINTS points: of every bin the least and the greatest, in their order, so no peak is lost."""
+    if x.size <= MOST_POINTS:
+        return x, y
+    bins = np.array_split(np.arange(x.size), MOST_POINTS // 2)
+    kept: list[int] = []
+    for part in bins:
+        known = part[np.isfinite(y[part])]
+        if known.size:
+            kept += sorted({int(known[np.argmin(y[known])]), int(known[np.argmax(y[known])])})
+    return x[kept], y[kept]
+
+
+def ticks(low: float, high: float, about: int) -> list[float]:
+    """Round numbers between low and high, about so many."""
+    raw = (high - low) / about
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw)
+    first = math.ceil(low / step - 1e-9)
+    return [round(index * step, 10) for index in range(first, math.floor(high / step + 1e-9) + 1)]
+
+
+def _axes(frame: _Frame, x_label: str, y_label: str) -> str:
+    bottom, parts = frame.height - BOTTOM, []
+    for value in ticks(frame.low[1], frame.high[1], max(2, round(frame.height / 60.0))):
+        y = frame.y(value)
+        parts.append(f'<path class="grid" d="M{LEFT:.0f} {y:.1f}H{WIDTH - RIGHT:.0f}"/>')
+        parts.append(f'<text x="{LEFT - 5:.0f}" y="{y + 4:.1f}" text-anchor="end">{value:g}</text>')
+    for value in ticks(frame.low[0], frame.high[0], 7):
+        x = frame.x(value)
+        parts.append(f'<path class="grid" d="M{x:.1f} {TOP:.0f}V{bottom:.1f}"/>')
+        parts.append(f'<text x="{x:.1f}" y="{bottom + 15:.1f}" text-anchor="middle">{value:g}</text>')
+    parts.append(f'<text x="{WIDTH - RIGHT:.0f}" y="{bottom + 30:.1f}" text-anchor="end">{escape(x_label)}</text>')
+    middle = TOP + 0.5 * (bottom - TOP)
+    parts.append(
+        f'<text transform="translate(12 {middle:.0f}) rotate(-90)" text-anchor="middle">{escape(y_label)}</text>'
+    )
+    return "".join(parts)
+
+
+def _curve(line: Line, frame: _Frame) -> str:
+    x, y = (line.x, line.y) if line.dots or line.style.startswith("path") else thinned(line.x, line.y)
+    if line.dots:
+        dots = "".join(
+            f'<circle cx="{frame.x(a):.1f}" cy="{frame.y(b):.1f}" r="2.4"/>'
+            for a, b in zip(x.tolist(), y.tolist(), strict=True)
+        )
+        return f'<g class="dots {line.style}">{dots}</g>'
+    if x.size > 4 * MOST_POINTS:
+        step = x.size // (2 * MOST_POINTS)
+        x, y = x[::step], y[::step]
+    words, pen_down = [], False
+    for a, b in zip(x.tolist(), y.tolist(), strict=True):
+        if not (math.isfinite(a) and math.isfinite(b)):
+            pen_down = False
+            continue
+        words.append(f"{'L' if pen_down else 'M'}{frame.x(a):.1f} {frame.y(b):.1f}")
+        pen_down = True
+    return f'<path class="curve {line.style}" d="{"".join(words)}"/>'
+
+
+def _legend(lines: Sequence[Line]) -> str:
+    if len(lines) < 2:
+        return ""
+    items = "".join(f'<li class="{line.style}">{escape(line.name)}</li>' for line in lines)
+    return f'<ul class="legend">{items}</ul>'
+
+
+def _svg(body: str, height: float, label: str) -> str:
+    return f'<svg viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img" aria-label="{escape(label)}">{body}</svg>'
