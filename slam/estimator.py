@@ -18,7 +18,7 @@ from slam.pose import Pose2
 from slam.quality import judge
 from slam.settings import SlamSettings
 from slam.sweep import Twist, with_motion_noise
-from slam.warm_up import TICK_NS, warm_up_drive, warm_up_settings
+from slam.warm_up import TICK_NS, warm_up_drive, warm_up_settings, warm_up_window
 
 FloatArray = NDArray[np.float64]
 
@@ -79,6 +79,7 @@ class Estimator:
             for stamp_ns, scan, wheels in warm_up_drive(short):
                 estimator.step(stamp_ns, scan, wheels)
             estimator.step(stamp_ns + TICK_NS, None, ())
+        warm_up_window(JointGaussian(short.joint, short.mount.as_pose(), short.tuning()))
 
     def _is_new(self, scan: ScanLike) -> bool:
         """False for a scan whose time stands still or runs backwards: ignored and counted."""

@@ -15,6 +15,8 @@ from drivers.measurements import (
     WheelSample,
     uniform_bearings,
 )
+from slam.joint import JointGaussian
+from slam.observations import Features
 from slam.settings import SlamSettings
 
 RINGS_M = np.array((4.0, 6.0, 9.0, 12.0))
@@ -27,6 +29,9 @@ POLES = ((4.0, -0.8), (6.0, 0.1), (9.0, 0.7))  # range m, bearing rad
 POLE_HALF_WIDTH_M = 0.15
 WALL_M = 12.0  # to the left and ahead: two walls that meet in a corner
 
+LANDMARKS_IN_STATE = 8  # so few that some leave at the third stop of warm_up_window
+AT_A_STOP = 12  # long enough for every landmark to be put away, or to be missed until it is removed
+
 WarmUpTick = tuple[int, ScanLike, tuple[WheelSample, ...]]
 
 
@@ -35,6 +40,7 @@ def warm_up_settings(settings: SlamSettings, front_end: str) -> SlamSettings:
     tree = settings.model_dump()
     tree |= {"particles": 4, "resample_share": 1.0}
     tree["front_end"]["kind"] = front_end
+    tree["joint"]["landmarks_in_state"] = LANDMARKS_IN_STATE
     return SlamSettings.model_validate(tree)
 
 
@@ -45,6 +51,26 @@ def warm_up_drive(settings: SlamSettings) -> Iterator[WarmUpTick]:
         moved_m = 0.05 * max(tick - REST_TICKS, 0)
         seen = _sightings if settings.front_end.kind == "given" else _scan
         yield stamp_ns, seen(settings, stamp_ns, moved_m), (_wheel_sample(settings, stamp_ns, moved_m),)
+
+
+def warm_up_window(joint: JointGaussian) -> None:
+    """Things to the horizon and back: what leaves the joint state, comes back into it and is forgotten."""
+    covariance = np.diag((1e-4, 1e-4, 1e-6))
+    stops = (0.0, 150.0, 150.0, -300.0)  # m ahead: the first things come into view again at the last stop but one
+    hints = np.full(len(RINGS_M), -1)
+    for ahead_m in stops:
+        joint.step(np.array((ahead_m, 0.0, 0.0)), covariance, _features(len(RINGS_M)), hints)
+        for _ in range(AT_A_STOP):
+            joint.step(np.zeros(3), np.zeros((3, 3)), _features(len(RINGS_M)), hints)
+    for _ in range(AT_A_STOP):
+        joint.step(np.zeros(3), np.zeros((3, 3)), _features(0), hints[:0])
+
+
+def _features(count: int) -> Features:
+    """The first `count` of the things on rings."""
+    covariances = np.tile(np.diag((1e-3, 1e-4)), (count, 1, 1))
+    unknown = np.full(count, -1)
+    return Features(0, RINGS_M[:count], BEARINGS_RAD[:count], covariances, np.ones(count, np.bool_), unknown, unknown)
 
 
 def _sightings(settings: SlamSettings, stamp_ns: int, moved_m: float) -> Sightings:

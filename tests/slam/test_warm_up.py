@@ -12,10 +12,9 @@ import slam
 # In a process of its own: what other tests have compiled must not hide what the warm-up left out.
 DRIVE = """
 import numpy as np
-from drivers.measurements import Scan, WheelCounts, uniform_bearings
+from drivers.measurements import OdometryPose, Scan, Sightings, WheelCounts, uniform_bearings
 from drivers.simulated.world import World
 from drivers.simulated.world_settings import WorldSettings
-from runtime.paper.worlds import feature_world
 from slam.estimator import Estimator
 from slam.settings import SlamSettings
 from tests.slam.test_warm_up import compiled_signatures
@@ -31,9 +30,25 @@ def in_the_park():
         scan = Scan(now, np.where(np.isfinite(ranges), ranges, np.nan).astype(np.float32), bearings, 7e-5)
         estimator.step(now, scan, (WheelCounts(now, left, right),))
 
+def to_the_horizon_and_back():
+    given = {"kind": "given"}
+    settings = SlamSettings.model_validate(
+        {"particles": 2, "front_end": given, "odometry": {"model": "pose"}, "joint": {"landmarks_in_state": 8}}
+    )
+    estimator, generator, now = Estimator(settings, 1), np.random.default_rng(1), 0
+    things = generator.uniform((-20.0, -10.0), (220.0, 10.0), (150, 2))
+    for x in (*np.linspace(0.0, 200.0, 120), *np.linspace(200.0, 0.0, 120)):
+        now += 100_000_000
+        offsets = things - (x, 0.0)
+        near = offsets[np.hypot(*offsets.T) < 20.0]
+        ranges, bearings = np.hypot(*near.T), np.arctan2(near[:, 1], near[:, 0])
+        seen = Sightings(now, ranges, bearings, np.full(len(near), -1))
+        estimator.step(now, seen, (OdometryPose(now, float(x), 0.0, 0.0),))
+
 Estimator.warm_up(SlamSettings())
 before = compiled_signatures()
 in_the_park()
+to_the_horizon_and_back()
 late = sorted(compiled_signatures() - before)
 assert before
 assert not late, "\\n".join(" ".join(row) for row in late)
