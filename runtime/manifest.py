@@ -14,7 +14,7 @@ from typing import Any
 
 Facts = dict[str, Any]
 
-KINDS = frozenset(("segment", "mark", "removed", "lost"))
+KINDS = frozenset(("run", "segment", "mark", "removed", "lost"))
 
 
 class Manifest:

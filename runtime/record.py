@@ -6,10 +6,13 @@ import time
 from collections.abc import Callable, Mapping
 from queue import SimpleQueue
 
+from drivers.measurements import Event
 from runtime.errors import StorageError
 from runtime.loop_settings import RecordSettings
+from runtime.marks import take_marks
 from runtime.messages import Gap, LaserBytes, Record, encode_gap, encode_laser_bytes
-from runtime.ros_messages import encode_can_frame
+from runtime.record_room import FULL, make_room
+from runtime.ros_messages import encode_can_frame, encode_events
 from runtime.run_folder import RunFolder
 from runtime.run_header import RunHeader
 from runtime.segments import Segments
@@ -23,6 +26,7 @@ PENDING_BYTES = 8 << 20  # a minute of chunks that a disk refuses; beyond that t
 WAKE_S = 0.1  # the writer gathers instead of waking for every frame: each wake takes the loop's interpreter lock
 CHUNK_NS = 300_000_000  # with WAKE_S less than half a second is in memory when the process is killed
 SYNC_NS = 1_000_000_000
+ROOM_NS = 5_000_000_000
 RETRY_NS = 500_000_000
 CLOSE_S = 2.0
 
@@ -50,18 +54,20 @@ class Recorder:
         """Make the file and write its head. Raises StorageError."""
         warm_up()
         folder.write_configuration(configuration_toml)
+        self._folder = folder
         header = RunHeader.of_live_run(configuration_toml, versions)
         self._now_ns = now_ns
         self._tee = tee
-        settings = settings or RecordSettings()
+        self._settings = settings = settings or RecordSettings()
         self._file = Segments(folder, header.metadata, round(settings.segment_s * 1e9), now_ns)
         self._queue: SimpleQueue[Item] = SimpleQueue()
         self._stop = threading.Event()
-        self._troubles = {"encode": "", "write": "", "sync": ""}
+        self._troubles = {"encode": "", "write": "", "sync": "", "room": "", "mark": ""}
         self._dropped_ticks = 0
         self._dropped_raw = 0
         self._told = (0, 0)
-        self._chunk_began_ns = self._synced_ns = self._tried_ns = now_ns()
+        self._is_full = False
+        self._chunk_began_ns = self._synced_ns = self._tried_ns = self._room_ns = now_ns()
         self._write(self._tried_ns)
         if self._troubles["write"]:
             raise StorageError(f"{folder.mcap_path}: {self._troubles['write']}; free space or check the mount")
@@ -129,6 +135,10 @@ class Recorder:
         if now_ns - self._synced_ns >= SYNC_NS:
             self._synced_ns = now_ns
             self._sync()
+            self._take_marks(now_ns)
+        if self._is_full or now_ns - self._room_ns >= ROOM_NS:
+            self._room_ns = now_ns
+            self._make_room()
 
     def _take(self, item: Item) -> None:
         try:
@@ -171,6 +181,7 @@ class Recorder:
             self._file.write()
             self._troubles["write"] = ""
         except OSError as error:
+            self._is_full = error.errno in FULL
             self._troubles["write"] = f"run.mcap cannot be written ({error.strerror})"
         except StorageError as error:
             self._troubles["write"] = str(error)
@@ -181,6 +192,28 @@ class Recorder:
             self._troubles["sync"] = ""
         except OSError as error:
             self._troubles["sync"] = f"run.mcap is not safe on disk ({error.strerror})"
+
+    def _make_room(self) -> None:
+        try:
+            self._troubles["room"] = make_room(self._folder, self._file.manifest, self._settings, self._is_full)
+        except OSError as error:
+            self._troubles["room"] = f"old segments cannot be removed ({error.strerror})"
+        self._is_full = False
+
+    def _take_marks(self, now_ns: int) -> None:
+        """A mark's file goes only when the mark is on disk; one that is seen twice is one too many, not too few."""
+        try:
+            marks = take_marks(self._folder)
+            for reason in marks.values():
+                self._file.mark(reason)
+                self._file.add(encode_events(now_ns, [Event(now_ns, "recorder", "mark", reason)]))
+            if marks:
+                self._file.manifest.save()
+            for path in marks:
+                path.unlink(missing_ok=True)
+            self._troubles["mark"] = ""
+        except OSError as error:
+            self._troubles["mark"] = f"a mark cannot be kept ({error.strerror})"
 
 
 def _records(item: Item) -> list[Record]:

@@ -85,6 +85,7 @@ class RunReader:
         self.gaps: list[Gap] = []
         self._size = sum(path.stat().st_size for path in self._paths)
         self._size_before = 0
+        self.known_losses: list[str] = []  # segments that the manifest says are gone, for example for room
         self._losses: list[str] = []
         self._ticks = 0
         self._last_stamp_ns: int | None = None
@@ -93,6 +94,11 @@ class RunReader:
     def read_fraction(self) -> float:
         """Share of the run that has been read, for a progress bar."""
         return (self._size_before + self._file.offset) / self._size
+
+    @property
+    def damages(self) -> list[str]:
+        """What is not as it was written; known after reading to the end."""
+        return [loss for loss in self._losses if loss not in self.known_losses]
 
     @property
     def truncated(self) -> str:
@@ -106,7 +112,7 @@ class RunReader:
     def records(self) -> Iterator[Record]:
         """Every message of the run in the order of writing, with a gap where something is missing between segments."""
         manifest = Manifest.load(self.folder.manifest_path)
-        self._losses, self._size_before = [], 0
+        self._losses, self.known_losses, self._size_before = [], [], 0
         stamp_ns, expected, owed = 0, 1, 0  # owed: ticks that are missing and not told yet
         for index, path in enumerate(self._paths):
             ticks = 0
@@ -116,6 +122,7 @@ class RunReader:
             for name in map(RunFolder.closed_name, range(expected, number)):
                 reason = manifest.removed.get(name, "nobody knows why")
                 self._losses.append(f"{name} is gone: {reason}")
+                self.known_losses += self._losses[-1:] if name in manifest.removed else []
                 owed += 0 if name in manifest.lost else manifest.ticks(name, 1)
             expected = max(expected, number + 1)
             if not file.damage and owed:

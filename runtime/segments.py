@@ -24,9 +24,11 @@ class Segments:
         """Open the first segment. Raises StorageError."""
         self.folder = folder
         self.manifest = Manifest(folder.manifest_path)
+        self.manifest.add("run", created_utc=metadata.get("infant", {}).get("created_utc", ""))
         self._metadata = metadata
         self._segment_ns = segment_ns
         self._now_ns = now_ns
+        self.closed = 0
         self._number = 0
         self._unwritten: list[Record] = []  # in the file at hand, but not taken by the disk
         self._held: list[Record] = []  # for the next file
@@ -40,10 +42,11 @@ class Segments:
         """Bytes that the disk has not taken yet."""
         return self._held_bytes + (self._file.pending_bytes if self._file is not None else 0)
 
-    @property
-    def span_ns(self) -> tuple[int, int]:
-        """First and last stamp in the segment at hand."""
-        return self._first_ns, self._last_ns
+    def mark(self, reason: str) -> None:
+        """Preserve this moment: the segment at hand, the one before and the one after. On disk with the next write."""
+        now_ns = self._now_ns()
+        facts = {"from_ns": now_ns - self._segment_ns, "to_ns": now_ns + self._segment_ns}
+        self.manifest.add("mark", stamp_ns=now_ns, **facts, reason=reason)
 
     def add(self, record: Record) -> None:
         """Into the chunk at hand; while a segment is being closed, into the next one."""
@@ -150,6 +153,7 @@ class Segments:
             ticks=self._ticks,
         )
         self._file = None
+        self.closed += 1
         file.close()
         if not self._ending:
             self._open().write()
