@@ -4,7 +4,7 @@ The increment is expressed in the body frame at the previous scan, so that it is
 """
 
 from collections import deque
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from slam.wheel_segments import SAMPLE_KIND, Cursor, Segmenter, Segments
 FloatArray = NDArray[np.float64]
 FARTHEST = 1e12  # counts or metres beyond which a total is garbage
 STEEPEST_RAD = 1.4
+LONG_QUEUE = 150  # samples; 3 s at 50 Hz
+SETTLED_NS = 1_000_000_000  # a scan is never handed over later than this
 MODELS = {"differential": DIFFERENTIAL, "steered": STEERED, "speed_yaw_rate": RATES, "pose": ARC}
 
 
@@ -44,6 +46,43 @@ class Increment:
         return Pose2(float(self.mean[0]), float(self.mean[1]), float(self.mean[2]))
 
 
+@dataclass(slots=True, eq=False)
+class Travel:
+    """Sums over segments since the last stamp taken.
+
+    mean (3,), covariance (3, 3) by the unscented transform; tracks (1 + s, 3): the same motion without noise, nominal
+    and with each constant of the geometry off by one deviation; counts (2,) of either wheel, both directions added up.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    tracks: FloatArray
+    counts: FloatArray
+    moving_s: float = 0.0
+    forward_m: float = 0.0
+    lateral_m: float = 0.0
+    turn_rad: float = 0.0
+    known: bool = True
+    began: bool = False
+    moved: bool = False
+    rounded: bool = False
+
+    @classmethod
+    def none(cls, geometries: FloatArray) -> "Travel":
+        """Standing at the last stamp taken."""
+        return cls(np.zeros(3), np.zeros((3, 3)), np.zeros((len(geometries), 3)), np.zeros(2))
+
+    def copy(self) -> "Travel":
+        """The same, to be added to."""
+        return replace(
+            self,
+            mean=self.mean.copy(),
+            covariance=self.covariance.copy(),
+            tracks=self.tracks.copy(),
+            counts=self.counts.copy(),
+        )
+
+
 class Odometry:
     """Takes wheel samples as they come and gives the motion up to any stamp, exact arcs and interpolation included."""
 
@@ -58,6 +97,7 @@ class Odometry:
         self._cursor = Cursor()
         self._newest_ns: int | None = None
         self._taken_ns: int | None = None
+        self._travel = Travel.none(self._geometries)
         self.odom_from_body = Pose2()
         self.refused: dict[str, int] = {"wheel_stamps": 0, "wheel_values": 0, "wheel_kinds": 0, "wheel_jumps": 0}
 
@@ -76,19 +116,30 @@ class Odometry:
 
     def take_until(self, stamp_ns: int) -> Increment:
         """The increment from the last stamp taken to this one, which becomes the last one taken."""
+        travel = self._travel
+        self._consume(travel, stamp_ns)
+        increment = self._increment(travel, stamp_ns)
+        self._travel = Travel.none(self._geometries)
+        self._taken_ns = stamp_ns
+        self.odom_from_body = self.odom_from_body @ Pose2(*(float(value) for value in travel.tracks[0]))
+        return increment
+
+    def predicted(self, stamp_ns: int) -> Increment:
+        """The increment from the last stamp taken to this one; another call may take or predict an earlier one."""
+        if len(self._queue) > LONG_QUEUE:  # no scan for seconds: what lies well behind need not be added up again
+            self._consume(self._travel, stamp_ns - SETTLED_NS)
+        segments, _, _ = self._segmenter.until(self._cursor, self._queue, stamp_ns)
+        travel = self._travel.copy()
+        self._add(travel, segments)
+        return self._increment(travel, stamp_ns)
+
+    def _consume(self, travel: "Travel", stamp_ns: int) -> None:
+        """Add the motion up to this stamp for good."""
         segments, self._cursor, used = self._segmenter.until(self._cursor, self._queue, stamp_ns)
         for _ in range(used):
             self._queue.popleft()
         self.refused["wheel_jumps"] += segments.jumps
-        increment, nominal = self._integrate(segments, stamp_ns)
-        self._taken_ns = stamp_ns
-        self.odom_from_body = self.odom_from_body @ nominal
-        return increment
-
-    def predicted(self, stamp_ns: int) -> Increment:
-        """The increment from the last stamp taken to this one; nothing is consumed."""
-        segments, _, _ = self._segmenter.until(self._cursor, self._queue, stamp_ns)
-        return self._integrate(segments, stamp_ns)[0]
+        self._add(travel, segments)
 
     def _plausible(self, sample: WheelSample) -> bool:
         """True for finite numbers that a vehicle can have."""
@@ -101,35 +152,48 @@ class Odometry:
             return abs(sample.speed_mps) <= self._settings.max_speed_mps and abs(sample.yaw_rate_radps) <= limit
         return True
 
-    def _integrate(self, segments: Segments, stamp_ns: int) -> tuple[Increment, Pose2]:
-        """Increment, and the same motion without any noise for dead reckoning."""
+    def _add(self, travel: "Travel", segments: Segments) -> None:
+        """Carry the sums over some more segments."""
         rows = segments.rows
-        counts = np.abs(rows[:, 1:3]).sum(axis=0).max(initial=0.0) / max(self._segmenter.count_m, 1e-12)
-        tolerance = self._settings.rest_tolerance_counts if self._model == DIFFERENTIAL else 0.0
         distances, turns = self._moves(rows)
-        at_rest = segments.known and len(rows) > 0 and (counts <= tolerance or not (distances.any() or turns.any()))
-        if not at_rest and self._model == DIFFERENTIAL and len(rows) > 0:
+        travel.known = travel.known and segments.known
+        travel.counts += np.abs(rows[:, 1:3]).sum(axis=0) / max(self._segmenter.count_m, 1e-12)
+        travel.moved = travel.moved or bool(distances.any() or turns.any())
+        travel.began = travel.began or len(rows) > 0
+        if len(rows) > 0 and not travel.rounded and not self._rests(travel) and self._model == DIFFERENTIAL:
             # both ends of the increment fall somewhere within a count
             rows[0, 4:6] += self._segmenter.count_m**2 / 6.0
-        mean, covariance = np.zeros(3), np.zeros((3, 3))
-        tracks = np.zeros((len(self._geometries), 3))
-        accumulate(mean, covariance, tracks, rows, self._model, self._geometries, self._weights)
-        constant = tracks[1:] - tracks[0]
-        covariance += constant.T @ constant
-        duration = (stamp_ns - self._taken_ns) * 1e-9 if self._taken_ns is not None else 0.0
-        moving = float(rows[:, 0].sum())
-        per_second = 1.0 / moving if moving > 0.0 else 0.0
-        increment = Increment(
-            mean,
-            0.5 * (covariance + covariance.T),
-            bool(at_rest),
-            segments.known,
-            duration,
-            float(distances.sum()) * per_second,
-            float(rows[:, 3].sum()) * per_second,
-            float(turns.sum()) * per_second,
+            travel.rounded = True
+        accumulate(
+            travel.mean, travel.covariance, travel.tracks, rows, self._model, self._geometries, self._weights
         )
-        return increment, Pose2(*(float(value) for value in tracks[0]))
+        travel.moving_s += float(rows[:, 0].sum())
+        travel.forward_m += float(distances.sum())
+        travel.lateral_m += float(rows[:, 3].sum())
+        travel.turn_rad += float(turns.sum())
+
+    def _rests(self, travel: "Travel") -> bool:
+        """Whether the wheels say that nothing has moved."""
+        tolerance = self._settings.rest_tolerance_counts if self._model == DIFFERENTIAL else 0.0
+        still = float(travel.counts.max()) <= tolerance or not travel.moved
+        return travel.known and travel.began and still
+
+    def _increment(self, travel: "Travel", stamp_ns: int) -> Increment:
+        """The sums as an increment, with what constant errors of the geometry add."""
+        constant = travel.tracks[1:] - travel.tracks[0]
+        covariance = travel.covariance + constant.T @ constant
+        duration = (stamp_ns - self._taken_ns) * 1e-9 if self._taken_ns is not None else 0.0
+        per_second = 1.0 / travel.moving_s if travel.moving_s > 0.0 else 0.0
+        return Increment(
+            travel.mean.copy(),
+            0.5 * (covariance + covariance.T),
+            self._rests(travel),
+            travel.known,
+            duration,
+            travel.forward_m * per_second,
+            travel.lateral_m * per_second,
+            travel.turn_rad * per_second,
+        )
 
     def _moves(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances m and turns rad of the segments, (n,) each."""

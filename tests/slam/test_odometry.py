@@ -275,3 +275,37 @@ def test_the_error_of_speed_models_is_as_large_as_it_says(model: str) -> None:
         wheels.add(tuple(samples))
         values.append(normalised_error(wheels.take_until(1000 * MS), truth))
     assert 2.0 < np.mean(values) < 4.0
+
+
+def test_a_minute_without_a_scan_costs_no_more_than_a_second_and_ends_at_the_same_place() -> None:
+    settings = OdometrySettings()
+    blind, whole = Odometry(settings, UnscentedSettings()), Odometry(settings, UnscentedSettings())
+    for step in range(3000):
+        stamp_ns = step * 20_000_000
+        sample = WheelCounts(stamp_ns, 50.0 * step, 53.0 * step)
+        blind.add((sample,))
+        whole.add((sample,))
+        if step == 0:
+            blind.take_until(0)
+            whole.take_until(0)
+        if step % 5 == 0:
+            blind.predicted(stamp_ns)
+            assert len(blind._queue) <= 160
+    end_ns = 2999 * 20_000_000
+    predicted, expected = blind.predicted(end_ns), whole.take_until(end_ns)
+    np.testing.assert_allclose(predicted.mean, expected.mean, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(predicted.covariance, expected.covariance, rtol=1e-6, atol=1e-9)
+    assert predicted.speed_mps == pytest.approx(expected.speed_mps)
+    assert predicted.known is expected.known
+    assert predicted.at_rest is expected.at_rest
+
+
+def test_a_scan_that_comes_a_little_late_after_a_long_blindness_is_still_met_exactly() -> None:
+    blind, whole = Odometry(OdometrySettings(), UnscentedSettings()), Odometry(OdometrySettings(), UnscentedSettings())
+    for odometry in (blind, whole):
+        odometry.add((WheelCounts(0, 0.0, 0.0),))
+        odometry.take_until(0)
+        odometry.add(tuple(WheelCounts(k * 20_000_000, 50.0 * k, 53.0 * k) for k in range(1, 500)))
+    blind.predicted(499 * 20_000_000)
+    late_ns = 499 * 20_000_000 - 300_000_000
+    np.testing.assert_allclose(blind.take_until(late_ns).mean, whole.take_until(late_ns).mean, rtol=1e-9)
