@@ -76,6 +76,8 @@ def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock) ->
     if review is not None:
         sinks["review"] = review
     tap = recorder if configuration.record.raw else None
+    if not configuration.record.raw:  # still the last and next two seconds around an error of the laser
+        laser = laser.model_copy(update={"raw": "around_errors"})
     wheels = CanEncoders(encoders, clock.now_ns, tap)
-    return Parts(Hokuyo(laser, clock.now_ns, tap), wheels, sinks, publisher, rover)
+    return Parts(Hokuyo(laser, clock.now_ns, recorder), wheels, sinks, publisher, rover)
 
