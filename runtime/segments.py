@@ -4,10 +4,12 @@ Each segment has the whole head and is read by itself. A segment is closed when 
 everything; where its file is taken away a new one is opened, and what was lost becomes a record.
 """
 
+import contextlib
 import os
 from collections.abc import Callable, Mapping
 
 from runtime.manifest import Manifest
+from runtime.mcap_prefix import McapPrefix
 from runtime.messages import Gap, Record, encode_gap
 from runtime.record_file import RecordFile
 from runtime.run_folder import RunFolder
@@ -34,8 +36,9 @@ class Segments:
         self._held: list[Record] = []  # for the next file
         self._held_bytes = 0
         self._finished = self._ending = self._unsafe = False
+        self._told_gone = False
         self._file: RecordFile | None = None
-        self._open()
+        self._begin(*self._create())
 
     @property
     def pending_bytes(self) -> int:
@@ -66,10 +69,13 @@ class Segments:
 
         To be called after end_chunk. Call again to go on where it stopped.
         """
-        if self._file is not None and self._file.is_gone():
-            self._abandon(self._file)
-            raise FileNotFoundError(2, "it was removed while being written")  # a state first; the next try replaces it
-        file = self._file or self._open()
+        file = self._file or self._begin(*self._create())
+        if file.is_gone():
+            if not self._told_gone:  # a state first: what is unplugged for a moment may be back at the next try
+                self._told_gone = True
+                raise FileNotFoundError(2, "it was removed while being written")
+            file = self._replace(file)
+        self._told_gone = False
         file.write()
         if not self._finished:
             self._unwritten.clear()
@@ -106,24 +112,45 @@ class Segments:
         if self._file is not None:
             self._file.close()
 
-    def _open(self) -> RecordFile:
-        """A new run.mcap, with the records that had to wait for it."""
+    def _create(self) -> tuple[RecordFile, int]:
+        """A new run.mcap and its number; a segment that was cut off makes way for it. Raises OSError, StorageError."""
         self.folder.path.mkdir(parents=True, exist_ok=True)
-        self._number = max([self._number, *self.folder.closed_segments()]) + 1
-        if self._number > 1 and self.folder.mcap_path.exists():  # the disk is back, with a segment that was cut off
-            os.rename(self.folder.mcap_path, self.folder.closed_path(self._number))
-            self._number += 1
-        file = RecordFile(self.folder.mcap_path, {**self._metadata, "segment": {"number": str(self._number)}})
+        number = max([self._number, *self.folder.closed_segments()]) + 1
+        path = self.folder.mcap_path
+        if self._number and path.exists():  # a disk is back, with what was written on it until it went
+            cut = McapPrefix(path)
+            cut.read_head()
+            old = self.folder.closed_path(int(cut.metadata.get("segment", {}).get("number", number)))
+            os.rename(path, self.folder.closed_path(number) if old.exists() else old)
+            number = max([self._number, *self.folder.closed_segments()]) + 1
+        return RecordFile(path, {**self._metadata, "segment": {"number": str(number)}}), number
+
+    def _begin(self, file: RecordFile, number: int) -> RecordFile:
+        """Go on in a new file, with the records that had to wait for it."""
+        self._file, self._number = file, number
         self._opened_ns = self._now_ns()
         self._first_ns, self._last_ns = FAR_NS, 0
         self._ticks = self._raw = 0
         self._finished = self._unsafe = False
-        for record in self._held:
+        held, self._held, self._held_bytes = self._held, [], 0
+        for record in held:
             self._put(file, record)
         file.end_chunk()
-        self._held, self._held_bytes = [], 0
-        self._file = file
         return file
+
+    def _replace(self, gone: RecordFile) -> RecordFile:
+        """Go on without a file that is gone; what the disk had not taken is saved, what was lost becomes a record."""
+        rescued = self._unwritten
+        ticks = self._ticks - sum(record.topic == "/tick" for record in rescued)
+        raw = self._raw - sum(record.topic.startswith("/raw") for record in rescued)
+        name = self.folder.closed_path(self._number).name
+        file, number = self._create()
+        self.manifest.add("lost", name=name, ticks=ticks, reason=REMOVED)
+        self._held = [encode_gap(Gap(self._now_ns(), ticks, raw, REMOVED)), *rescued, *self._held]
+        self._unwritten = []
+        with contextlib.suppress(OSError):  # it is gone whatever the system says about it
+            gone.close()
+        return self._begin(file, number)
 
     def _put(self, file: RecordFile, record: Record) -> None:
         file.add(record)
@@ -156,17 +183,4 @@ class Segments:
         self.closed += 1
         file.close()
         if not self._ending:
-            self._open().write()
-
-    def _abandon(self, file: RecordFile) -> None:
-        """Give up a file that is gone; what the disk had not taken goes into the next one, after what was lost."""
-        rescued = self._unwritten
-        self._unwritten = []
-        ticks = self._ticks - sum(record.topic == "/tick" for record in rescued)
-        raw = self._raw - sum(record.topic.startswith("/raw") for record in rescued)
-        name = self.folder.closed_path(self._number).name
-        self.manifest.add("lost", name=name, ticks=ticks, reason=REMOVED)
-        self._held = [encode_gap(Gap(self._now_ns(), ticks, raw, REMOVED)), *rescued, *self._held]
-        self._held_bytes = sum(len(record.data) for record in self._held)
-        self._file = None
-        file.close()
+            self._begin(*self._create()).write()

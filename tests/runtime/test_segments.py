@@ -161,6 +161,39 @@ def test_a_file_taken_away_costs_what_was_in_it_and_nothing_that_comes_after(tmp
     assert "removed" in reader.gaps[0].reason
 
 
+def test_a_file_that_is_back_in_time_costs_nothing(tmp_path: Path) -> None:
+    drive = Drive(tmp_path / "run")
+    drive.run(15)
+    (tmp_path / "run").rename(tmp_path / "unplugged")
+    with pytest.raises(FileNotFoundError, match="removed"):
+        drive.run(3)
+    (tmp_path / "unplugged").rename(tmp_path / "run")
+    drive.run(22)
+    reader = RunReader(drive.end().path)
+    assert seqs(reader) == list(range(40))
+    assert (reader.gaps, reader.truncated) == ([], "")
+
+
+def test_a_disk_that_refuses_a_new_file_makes_no_hole_in_the_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = Drive(tmp_path / "run")
+    drive.run(9)
+    with monkeypatch.context() as refusing:
+        refusing.setattr("runtime.segments.RecordFile", refuse)
+        for _ in range(3):
+            with pytest.raises(OSError, match="read-only"):
+                drive.run(3)
+    drive.run(22)
+    reader = RunReader(drive.end().path)
+    assert seqs(reader) == list(range(40))
+    assert (reader.gaps, reader.truncated) == ([], "")
+
+
+def refuse(*_: object) -> None:
+    raise OSError(30, "read-only")
+
+
 def test_a_folder_taken_away_is_made_again(tmp_path: Path) -> None:
     drive = Drive(tmp_path / "run")
     drive.run(15)
