@@ -42,12 +42,15 @@ class TickColumns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanColumns:
-    """One row a scan: its stamp, how old it was at its beat, shares of beams that came back and that moved."""
+    """One row a scan: its stamp, how old it was at its beat, share of beams that came back; of those, the share that
+    the front end refused because nothing was seen there before (also leaves and edges), and of those the near ones.
+    """
 
     times_s: FloatArray
     age_s: FloatArray
     returned_share: FloatArray
     moved_share: FloatArray
+    near_moved_share: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

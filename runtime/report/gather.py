@@ -24,6 +24,7 @@ from slam.observations import BeamVerdict
 FloatArray = NDArray[np.float64]
 REST_SCANS = 20  # the first scans, all of them: they stand still and show the range noise
 SCAN_APART_NS = 240_000_000  # then one in 0.25 s suffices for matching and costs a third
+NEAR_M = 6.0  # who walks along is within; bushes and walls, whose edges come and go, are farther from the course
 MOST_SCANS = 2400  # ten minutes of driving show any geometry; 10 MB
 
 
@@ -113,7 +114,7 @@ class Gathering:
             {key: values * 1e-6 for key, values in _columns(self._stages).items()},
             _columns(self._counts),
         )  # fmt: skip
-        scans = np.array(self._scans).reshape(-1, 4)
+        scans = np.array(self._scans).reshape(-1, 5)
         wheels = np.array([row[:3] for row in self._wheels]).reshape(-1, 3)
         valid = np.array([row[3] for row in self._wheels], dtype=np.bool_)
         assert self._origin_ns is not None  # there are rows
@@ -137,17 +138,19 @@ class Gathering:
         )
 
     def _take_scan(self, beat_ns: int, scan: object, estimate: Estimate | None) -> None:
-        moved = returned = math.nan
+        moved = near = returned = math.nan
         stamp_ns = getattr(scan, "stamp_ns", beat_ns)
         if isinstance(scan, Scan):
             back = np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.range_max_m)
             returned = float(back.mean())
             if estimate is not None and estimate.beam_verdicts is not None:
-                moved = float((estimate.beam_verdicts == BeamVerdict.MOVED).sum()) / max(1, int(back.sum()))
+                refused = (estimate.beam_verdicts == BeamVerdict.MOVED) & back
+                moved = float(refused.sum()) / max(1, int(back.sum()))
+                near = float((refused & (scan.ranges_m < NEAR_M)).sum()) / max(1, int(back.sum()))
             early = len(self._kept) < REST_SCANS
             if len(self._kept) < MOST_SCANS and (early or stamp_ns - self._kept[-1].stamp_ns >= SCAN_APART_NS):
                 self._kept.append(scan)
-        self._scans.append((self._seconds(stamp_ns), (beat_ns - stamp_ns) * 1e-9, returned, moved))
+        self._scans.append((self._seconds(stamp_ns), (beat_ns - stamp_ns) * 1e-9, returned, moved, near))
 
     def _drive(self, name: str) -> DriveData | None:
         """What calibration can use; None where there are no scans or no wheels."""

@@ -214,7 +214,7 @@ def _filter(facts: RunFacts, figures: dict[str, Any], findings: Sequence[Finding
         Line("both estimators apart", ticks.times_s, ticks.apart_m, "b"),
     ]
     drawings = (
-        plot("Position", time_plot([line for line in deviation if line.x.size], "m", marked))
+        plot("Position", time_plot([line for line in deviation if line.x.size], "distance, m", marked))
         + plot("Effective particles", time_plot(counted("effective_particles"), "particles"))
         + plot("Features and matches in a scan", time_plot(counted("features", "matched"), "number"))
         + plot("Landmarks of the best particle", time_plot(counted("landmarks"), "number"))
@@ -225,11 +225,13 @@ def _filter(facts: RunFacts, figures: dict[str, Any], findings: Sequence[Finding
 
 def _clock(facts: RunFacts) -> str:
     clock = facts.device_clock
-    if clock.arrival_s.size < 2:
+    if not (clock.arrival_s >= 0.0).any():
         return '<p class="quiet">The bytes of the laser were not recorded, so its own clock is not known.</p>'
     delay_ms = (clock.arrival_s - clock.device_s) * 1e3
-    line = Line("arrival behind the counter", clock.arrival_s, delay_ms - delay_ms.min(), "a")
-    return plot("Laser: arrival behind its own counter, least 0", time_plot([line], "ms"))
+    driven = clock.arrival_s >= 0.0
+    line = Line("arrival", clock.arrival_s[driven], delay_ms[driven] - delay_ms[driven].min(), "a")
+    drawing = time_plot([line], "arrival later than the fastest, ms")
+    return f'<div class="pair">{plot("Laser: arrival against its own counter", drawing)}</div>'
 
 
 def _events(figures: dict[str, Any]) -> str:
@@ -239,7 +241,7 @@ def _events(figures: dict[str, Any]) -> str:
     rows = [(f"{e['time_s']:.2f}", e["severity"], f"{e['source']}.{e['kind']}", e["reason"]) for e in events["first"]]
     more = events["total"] - len(rows)
     note = f'<p class="quiet">And {more} more in run.mcap.</p>' if more else ""
-    return table(("s", "", "kind", "reason"), rows) + note
+    return f'<div class="events">{table(("s", "", "kind", "reason"), rows)}</div>' + note
 
 
 def _configuration(facts: RunFacts) -> str:

@@ -12,7 +12,8 @@ from runtime.report.finding import Interval
 
 FloatArray = NDArray[np.float64]
 MOST_POINTS = 600  # more than a phone or a printer shows; every bin keeps its least and its greatest
-WIDTH, LEFT, RIGHT, TOP, BOTTOM = 640.0, 52.0, 8.0, 8.0, 34.0
+BREAK_S, BREAK_STEPS = 0.5, 5.0  # a longer pause than both of these parts a curve
+WIDTH, LEFT, RIGHT, TOP, BOTTOM = 640.0, 52.0, 10.0, 26.0, 38.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +48,7 @@ def time_plot(
     lines: Sequence[Line],
     y_label: str,
     marked: Sequence[Interval] = (),
-    height: float = 190.0,
+    height: float = 210.0,
     from_zero: bool = True,
 ) -> str:
     """Curves over the seconds of the run; marked intervals are shaded."""
@@ -97,10 +98,19 @@ def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     bins = np.array_split(np.arange(x.size), MOST_POINTS // 2)
     kept: list[int] = []
     for part in bins:
-        known = part[np.isfinite(y[part])]
-        if known.size:
-            kept += sorted({int(known[np.argmin(y[known])]), int(known[np.argmax(y[known])])})
+        known, unknown = part[np.isfinite(y[part])], part[np.isnan(y[part])]
+        picked = {int(known[np.argmin(y[known])]), int(known[np.argmax(y[known])])} if known.size else set()
+        kept += sorted(picked | {int(index) for index in unknown[:1]})
     return x[kept], y[kept]
+
+
+def broken(times_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same with a NaN in each silence, so that no line is drawn where nothing was measured."""
+    if times_s.size < 3:
+        return times_s, values
+    steps = np.diff(times_s)
+    ends = np.flatnonzero(steps > max(BREAK_S, BREAK_STEPS * float(np.median(steps)))) + 1
+    return np.insert(times_s, ends, times_s[ends - 1]), np.insert(values, ends, np.nan)
 
 
 def ticks(low: float, high: float, about: int) -> list[float]:
@@ -122,16 +132,16 @@ def _axes(frame: _Frame, x_label: str, y_label: str) -> str:
         x = frame.x(value)
         parts.append(f'<path class="grid" d="M{x:.1f} {TOP:.0f}V{bottom:.1f}"/>')
         parts.append(f'<text x="{x:.1f}" y="{bottom + 15:.1f}" text-anchor="middle">{value:g}</text>')
-    parts.append(f'<text x="{WIDTH - RIGHT:.0f}" y="{bottom + 30:.1f}" text-anchor="end">{escape(x_label)}</text>')
-    middle = TOP + 0.5 * (bottom - TOP)
-    parts.append(
-        f'<text transform="translate(12 {middle:.0f}) rotate(-90)" text-anchor="middle">{escape(y_label)}</text>'
-    )
+    parts.append(f'<text x="{WIDTH - RIGHT:.0f}" y="{bottom + 34:.1f}" text-anchor="end">{escape(x_label)}</text>')
+    parts.append(f'<text x="2" y="{TOP - 9:.0f}">{escape(y_label)}</text>')
     return "".join(parts)
 
 
 def _curve(line: Line, frame: _Frame) -> str:
-    x, y = (line.x, line.y) if line.dots or line.style.startswith("path") else thinned(line.x, line.y)
+    if line.dots or line.style.startswith("path"):
+        x, y = line.x, line.y
+    else:
+        x, y = thinned(*broken(line.x, line.y))
     if line.dots:
         dots = "".join(
             f'<circle cx="{frame.x(a):.1f}" cy="{frame.y(b):.1f}" r="2.4"/>'

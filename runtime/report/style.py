@@ -40,8 +40,11 @@ vertical-align:middle}
 .legend .c::before,.legend .path-c::before{border-color:var(--c);border-top-style:dotted}
 table{border-collapse:collapse;width:100%;font-size:.9rem;font-variant-numeric:tabular-nums}
 th,td{text-align:left;padding:.2rem .6rem .2rem 0;border-bottom:1px solid var(--line);vertical-align:top}
+td,th{overflow-wrap:normal}td:last-child{overflow-wrap:anywhere}
+.events td:not(:last-child){white-space:nowrap}
+.events td:last-child{min-width:16rem}
 th{color:var(--quiet);font-weight:500}.scroll{overflow-x:auto}details{margin:.6rem 0}summary{cursor:pointer}
-@media(max-width:34rem){svg text{font-size:20px}.finding dl{grid-template-columns:1fr}dd{margin-bottom:.2rem}}
+@media(max-width:34rem){svg text{font-size:17px}.finding dl{grid-template-columns:1fr}dd{margin-bottom:.2rem}}
 @media print{:root{--paper:#fff;--ink:#000;--quiet:#444;--line:#bbb;--card:#fff;--a:#0b64c0;--b:#c2570c;--c:#2d7d3a;
 --info:#4a6785;--warn:#9a6200;--error:#b3261e;--mark:#f3d9a4}
 body{font-size:10pt;max-width:none}h2{break-after:avoid}details>*{display:block}}

@@ -5,16 +5,14 @@ import re
 import numpy as np
 
 from drivers.measurements import Event, Severity
-from runtime.report.facts import FloatArray, RunFacts
+from runtime.report.facts import RunFacts
 from runtime.report.finding import Finding, intervals_where, silences, spans_text
+from runtime.report.findings.silence import beaten
+from runtime.report.findings.stuck import stuck_encoders
 
 SILENT_S = 0.5  # as slam.odometry.gap_s: from then on the motion is unknown
 SILENT_PERIODS = 5.0
 SILENT_ERROR_S = 10.0
-STUCK_WINDOW_S = 1.5
-STUCK_COUNTS = 2.0  # an encoder at an edge toggles by one
-STUCK_OTHER_M = 0.35  # what the other wheel must have rolled meanwhile
-STUCK_SHARE = 0.3  # of the other wheel's way that the published pose gives this wheel; a turn about it gives none
 OFTEN = 3  # reports of a kind; one bit error on a bus is no fault
 DAMAGE = {
     "crc": "frames arrive damaged, or another node sends under this id",
@@ -35,13 +33,13 @@ BUS = ("bus_off", "bitrate", "error_passive", "error_warning", "restarted")
 
 def wheel_findings(facts: RunFacts) -> list[Finding]:
     """All of them, for runs with wheels."""
-    return [*_silent(facts), *_stuck(facts), *_damage(facts), *_misconfigured(facts), *_single_events(facts)]
+    return [*_silent(facts), *stuck_encoders(facts), *_damage(facts), *_misconfigured(facts), *_single_events(facts)]
 
 
 def _silent(facts: RunFacts) -> list[Finding]:
     good_s = facts.wheels.times_s[facts.wheels.valid]
     usual_s = float(np.median(np.diff(good_s))) if good_s.size > 2 else 0.02
-    intervals = silences(good_s, facts.duration_s, max(SILENT_S, SILENT_PERIODS * usual_s))
+    intervals = beaten(facts, silences(good_s, facts.duration_s, max(SILENT_S, SILENT_PERIODS * usual_s)))
     if not intervals:
         return []
     longest = max(end - start for start, end in intervals)
@@ -85,62 +83,6 @@ def _side(event: Event) -> str:
 
 def _told(events: list[Event], most: int = 3) -> tuple[str, ...]:
     return tuple(f"driver: {event.reason}" for event in events[:most])
-
-
-def _stuck(facts: RunFacts) -> list[Finding]:
-    """A wheel that counts nothing while the other rolls and the published pose says that it rolls too."""
-    odometry, wheels = facts.configuration.slam.odometry, facts.wheels
-    good = wheels.valid & np.isfinite(wheels.counts[:, 0])
-    if odometry.model != "differential" or good.sum() < 10 or facts.ticks.times_s.size < 20:
-        return []
-    ends = facts.ticks.times_s[facts.ticks.times_s >= STUCK_WINDOW_S]
-    begins = ends - STUCK_WINDOW_S
-    good_s = wheels.times_s[good]
-    counts = _between(good_s, wheels.counts[good], begins, ends)
-    radii = np.array((odometry.wheel_radius_left_m, odometry.wheel_radius_right_m))
-    rolled_m = np.abs(counts) * 2.0 * np.pi * radii / odometry.counts_per_rev
-    by_pose_m = _travel_by_pose(facts, begins, ends, odometry.tread_m)
-    covered = np.searchsorted(good_s, ends) > np.searchsorted(good_s, begins)
-    findings = []
-    for own, side in enumerate(("left", "right")):
-        other = 1 - own
-        still = (np.abs(counts[:, own]) <= STUCK_COUNTS) & (rolled_m[:, other] >= STUCK_OTHER_M) & covered
-        still &= np.abs(by_pose_m[:, own]) >= STUCK_SHARE * rolled_m[:, other]
-        windows = intervals_where(ends, still, 1.0, 0.2)
-        intervals = tuple((start - STUCK_WINDOW_S, end) for start, end in windows)
-        if intervals:
-            findings.append(
-                Finding(
-                    "wheel_stuck",
-                    Severity.WARN,
-                    f"{side} encoder stuck {spans_text(intervals)}",
-                    (
-                        f"no count while the other wheel rolled {rolled_m[still, other].max():.2f} m in "
-                        f"{STUCK_WINDOW_S:.1f} s and the pose went on",
-                        *_told([e for e in facts.events_of("encoders", "stuck", "still") if _side(e) == side], 2),
-                    ),
-                    "the encoder's disc, coupling or channel has failed, or the wheel is blocked",
-                    f"check the {side} encoder's coupling and channels",
-                    intervals,
-                )
-            )
-    return findings
-
-
-def _between(times_s: FloatArray, values: FloatArray, begins: FloatArray, ends: FloatArray) -> FloatArray:
-    columns = [np.interp(ends, times_s, column) - np.interp(begins, times_s, column) for column in values.T]
-    return np.stack(columns, axis=-1)
-
-
-def _travel_by_pose(facts: RunFacts, begins: FloatArray, ends: FloatArray, tread_m: float) -> FloatArray:
-    """Way of the left and the right wheel by the published pose, (n, 2) m."""
-    poses = facts.ticks.estimated
-    heading = np.unwrap(poses[:, 2])
-    steps = np.diff(poses[:, :2], axis=0)
-    middle = 0.5 * (heading[1:] + heading[:-1])
-    ahead = np.concatenate(((0.0,), np.cumsum(steps[:, 0] * np.cos(middle) + steps[:, 1] * np.sin(middle))))
-    tracks = np.stack((ahead - 0.5 * tread_m * heading, ahead + 0.5 * tread_m * heading), axis=-1)
-    return _between(facts.ticks.times_s, tracks, begins, ends)
 
 
 def _damage(facts: RunFacts) -> list[Finding]:

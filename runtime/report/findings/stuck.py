@@ -1,0 +1,86 @@
+"""An encoder that counts nothing while its wheel rolls, told from a turn about that wheel by the laser."""
+
+import numpy as np
+
+from drivers.measurements import Severity
+from runtime.calibrate.drive_data import CalibrationStart
+from runtime.calibrate.laser_motion import laser_motion
+from runtime.calibrate.recorded_drives import start_from
+from runtime.calibrate.wheel_model import DifferentialModel
+from runtime.report.facts import FloatArray, RunFacts
+from runtime.report.finding import Finding, Interval, intervals_where, spans_text
+from slam.pose import Pose2
+
+WINDOW_S = 1.5
+STILL_COUNTS = 2.0  # an encoder at an edge toggles by one
+OTHER_M = 0.35  # what the other wheel must have rolled meanwhile
+TURN_SHARE = 0.3  # of the other wheel's way: a turn about a wheel gives it none, whatever its counts say
+
+
+def stuck_encoders(facts: RunFacts) -> list[Finding]:
+    """One finding a wheel."""
+    odometry, wheels = facts.configuration.slam.odometry, facts.wheels
+    good = wheels.valid & np.isfinite(wheels.counts[:, 0])
+    if odometry.model != "differential" or good.sum() < 10 or facts.ticks.times_s.size < 20:
+        return []
+    ends = facts.ticks.times_s[facts.ticks.times_s >= WINDOW_S]
+    begins, times_s = ends - WINDOW_S, wheels.times_s[good]
+    counts = _between(times_s, wheels.counts[good], begins, ends)
+    radii = np.array((odometry.wheel_radius_left_m, odometry.wheel_radius_right_m))
+    rolled_m = np.abs(counts) * 2.0 * np.pi * radii / odometry.counts_per_rev
+    sampled = np.searchsorted(times_s, ends) > np.searchsorted(times_s, begins)
+    findings = []
+    for own, side in enumerate(("left", "right")):
+        still = (np.abs(counts[:, own]) <= STILL_COUNTS) & (rolled_m[:, 1 - own] >= OTHER_M) & sampled
+        windows = intervals_where(ends, still, 1.0, 0.2)
+        turns = _turns(facts, own) if windows else []
+        intervals = tuple((start - WINDOW_S, end) for start, end in windows if not _overlaps((start, end), turns))
+        if intervals:
+            evidence = (
+                f"no count while the other wheel rolled {rolled_m[still, 1 - own].max():.2f} m in {WINDOW_S:.1f} s",
+                "the laser does not see a turn about this wheel",
+            )
+            findings.append(_finding(side, evidence, intervals))
+    return findings
+
+
+def _finding(side: str, evidence: tuple[str, ...], intervals: tuple[Interval, ...]) -> Finding:
+    return Finding(
+        "wheel_stuck",
+        Severity.WARN,
+        f"{side} encoder stuck {spans_text(intervals)}",
+        evidence,
+        "the encoder's disc, coupling or channel has failed",
+        f"check the {side} encoder's coupling and channels; the pose is wrong from then on",
+        intervals,
+    )
+
+
+def _turns(facts: RunFacts, own: int) -> list[Interval]:
+    """When consecutive scans agree that the rover turned about this wheel; none where there is nothing to match."""
+    start = None if facts.drive is None else start_from(facts.configuration)
+    if facts.drive is None or not isinstance(start, CalibrationStart):
+        return []
+    model = DifferentialModel(start)
+    motion = laser_motion(facts.drive, model, model.start)
+    offset_s = facts.seconds(facts.drive.origin_ns)
+    ways_m = np.array([_wheel_ways_m(mean, start) for mean in motion.means]).reshape(-1, 2)
+    about = np.abs(ways_m[:, own]) < TURN_SHARE * np.abs(ways_m[:, 1 - own])
+    return [(float(begin) + offset_s, float(end) + offset_s) for begin, end in motion.times_s[about]]
+
+
+def _wheel_ways_m(mean: FloatArray, start: CalibrationStart) -> tuple[float, float]:
+    """Way of the left and the right wheel while the laser moved by mean (3,)."""
+    mount = start.body_from_laser
+    body = mount @ Pose2(*mean.tolist()) @ mount.inverse()
+    half_turn_m = 0.5 * start.tread_m * body.heading_rad
+    return body.x_m - half_turn_m, body.x_m + half_turn_m
+
+
+def _overlaps(window: Interval, others: list[Interval]) -> bool:
+    return any(begin < window[1] and end > window[0] for begin, end in others)
+
+
+def _between(times_s: FloatArray, values: FloatArray, begins: FloatArray, ends: FloatArray) -> FloatArray:
+    columns = [np.interp(ends, times_s, column) - np.interp(begins, times_s, column) for column in values.T]
+    return np.stack(columns, axis=-1)

@@ -1,0 +1,103 @@
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from runtime.cli import app
+from runtime.errors import NotARunError
+from runtime.report.build import build_report, is_as_grave
+from runtime.report.compare import build_comparison
+from tests.runtime.report.seeded_runs import FAULTS, seeded_facts
+
+CHROMIUM = shutil.which("chromium")
+MEASURE = (
+    "<script>const e=document.documentElement;document.body.dataset.widths=e.scrollWidth+' '+innerWidth+' '+"
+    "performance.getEntriesByType('resource').length</script></body>"
+)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of 15 s in which the laser's messages are damaged from the first seconds on."""
+    folder = tmp_path_factory.mktemp("runs") / "damaged"
+    seeded_facts(folder, 1, FAULTS["rate_low"][0], FAULTS["rate_low"][1], 15.0)
+    return folder
+
+
+def test_the_report_says_the_same_on_the_page_and_in_json(run: Path) -> None:
+    report = build_report(run)
+    page = (run / "report.html").read_text()
+    data = json.loads((run / "report.json").read_text())
+    assert data["findings"] == json.loads(json.dumps(report["findings"]))
+    assert data["verdict"] in page
+    for finding in data["findings"]:
+        assert f'data-kind="{finding["kind"]}"' in page
+        assert finding["cause"]
+        assert finding["remedy"]
+    assert data["accuracy"]["rms_m"] is not None
+    assert data["timing"]["ticks"] == 150
+
+
+def test_the_page_asks_nothing_of_the_network(run: Path) -> None:
+    build_report(run)
+    page = (run / "report.html").read_text()
+    assert not re.search(r"(src|href)\s*=|url\(|@import|<script", page)
+
+
+def test_fail_on_compares_severities() -> None:
+    report = {"findings": [{"severity": "warn"}]}
+    assert is_as_grave(report, "info")
+    assert is_as_grave(report, "warn")
+    assert not is_as_grave(report, "error")
+    assert not is_as_grave({"findings": []}, "info")
+
+
+def test_review_fails_on_what_it_was_told_to(run: Path) -> None:
+    assert CliRunner().invoke(app, ["review", str(run), "--fail-on", "warn", "--json"]).exit_code == 1
+    kept = CliRunner().invoke(app, ["review", str(run), "--fail-on", "error", "--json"])
+    assert kept.exit_code == 0
+    assert json.loads(kept.stdout)["severity"] == "warn"
+
+
+def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(NotARunError, match=r"no run\.mcap"):
+        build_report(tmp_path)
+
+
+def test_a_run_compared_with_another_shows_both_and_what_differs(run: Path, tmp_path: Path) -> None:
+    seeded_facts(tmp_path / "other", 2, duration_s=15.0)
+    result = build_comparison(run, tmp_path / "other", tmp_path / "two.html")
+    page = (tmp_path / "two.html").read_text()
+    assert {"key": "seed", "values": [1, 2]} in result["configuration"]
+    assert result["verdicts"][1] == "healthy"
+    assert result["verdicts"][0] != "healthy"
+    assert run.name in page
+    assert "other" in page
+    assert json.loads((tmp_path / "two.json").read_text())["figures"]
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("width", [390, 1200])
+def test_the_page_fits_a_phone_and_a_desk_in_a_real_browser(run: Path, tmp_path: Path, width: int) -> None:
+    if CHROMIUM is None:
+        pytest.skip("chromium is absent; apt-get install chromium")
+    build_report(run)
+    page = tmp_path / "measured.html"
+    page.write_text((run / "report.html").read_text().replace("</body>", MEASURE))
+    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", f"--window-size={width},2000"]
+    seen = subprocess.run(
+        [*command, "--dump-dom", page.as_uri()], capture_output=True, text=True, timeout=60, check=True
+    ).stdout
+    measured = re.search(r'data-widths="(\d+) (\d+) (\d+)"', seen)
+    assert measured is not None
+    scroll_px, inner_px, resources = map(int, measured.groups())
+    assert inner_px == width
+    assert scroll_px <= width
+    assert resources == 0
+    picture = tmp_path / "page.png"
+    subprocess.run([*command, f"--screenshot={picture}", page.as_uri()], capture_output=True, timeout=60, check=True)
+    assert picture.stat().st_size > 20_000

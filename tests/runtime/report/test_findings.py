@@ -1,0 +1,51 @@
+from pathlib import Path
+
+import pytest
+
+from drivers.measurements import Severity
+from runtime.report.finding import Finding
+from runtime.report.judge import judge, verdict
+from tests.runtime.calibrate.made_drives import Rover
+from tests.runtime.report.seeded_runs import FAULTS, seeded_facts
+
+QUICK = ("laser_silent", "wheel_stuck", "storage_gap", "rate_low", "left_wheel_smaller")
+SEEDS = range(10, 20)
+
+
+def _found(folder: Path, name: str, seed: int) -> list[Finding]:
+    rover, fault, duration_s, _ = FAULTS[name]
+    return judge(seeded_facts(folder, seed, rover, fault, duration_s))
+
+
+def _grave(findings: list[Finding]) -> set[str]:
+    return {finding.kind for finding in findings if finding.severity is not Severity.INFO}
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_a_seeded_fault_is_named(tmp_path: Path, name: str) -> None:
+    findings = _found(tmp_path / name, name, 1)
+    assert FAULTS[name][3] in _grave(findings), findings
+    assert verdict(findings) != "healthy"
+
+
+def test_a_healthy_run_has_no_finding_above_info(tmp_path: Path) -> None:
+    findings = judge(seeded_facts(tmp_path / "run", 1, Rover()))
+    assert not _grave(findings), findings
+    assert verdict(findings) == "healthy"
+
+
+def test_a_hole_in_the_record_is_not_blamed_on_the_sensors(tmp_path: Path) -> None:
+    assert _grave(_found(tmp_path / "run", "storage_gap", 2)) == {"storage_gap"}
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", FAULTS)
+def test_nine_of_ten_runs_with_a_fault_are_named_right(tmp_path: Path, name: str) -> None:
+    missed = [seed for seed in SEEDS if FAULTS[name][3] not in _grave(_found(tmp_path / str(seed), name, seed))]
+    assert len(missed) <= 0.1 * len(SEEDS), missed
+
+
+@pytest.mark.soak
+def test_95_of_100_healthy_runs_have_no_finding_above_info(tmp_path: Path) -> None:
+    told = {seed: _grave(judge(seeded_facts(tmp_path / str(seed), seed, Rover()))) for seed in range(100, 200)}
+    assert sum(map(bool, told.values())) <= 5, {seed: kinds for seed, kinds in told.items() if kinds}
