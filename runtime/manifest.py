@@ -85,9 +85,9 @@ class Manifest:
         return {line["name"] for line in self.lines if line["kind"] == "lost"}
 
     def ticks(self, name: str, otherwise: int) -> int:
-        """How many ticks a closed segment has to hold."""
-        facts = self.segments.get(name)
-        return otherwise if facts is None else int(facts["ticks"])
+        """How many ticks a closed segment has to hold, or went with a lost one."""
+        told = [line["ticks"] for line in self.lines if line["kind"] in ("segment", "lost") and line["name"] == name]
+        return int(told[-1]) if told else otherwise
 
     @property
     def marks(self) -> list[Facts]:

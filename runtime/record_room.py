@@ -40,6 +40,8 @@ def make_room(folder: RunFolder, manifest: Manifest, settings: RecordSettings, i
     folder, manifest: of the run that is being recorded. is_full: the disk has just refused; then one segment goes in
     any case. Returns what is wrong if nothing more can go, "" otherwise. Raises OSError.
     """
+    if not folder.path.is_dir():
+        return ""  # the disk is gone, and whoever writes says so
     others = _other_runs(folder) if settings.budget_gb else []
     candidates = _closed(folder, manifest) + [old for run in others for old in _closed(*run)]
     candidates.sort(key=lambda old: old.age_ns, reverse=True)  # the oldest is popped first

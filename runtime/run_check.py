@@ -81,8 +81,11 @@ def verify_run(run: Path) -> Verification:
         found.damages.append(str(error))
         return found
     found.ticks = sum(1 for _ in reader.ticks())
-    found.damages += reader.damages
-    found.gaps = reader.known_losses + [
+    damages = reader.damages
+    if damages and "the recording was cut off" in damages[-1] and is_being_written(folder.mcap_path):
+        found.gaps.append(f"the run is still being recorded: {damages.pop()}")
+    found.damages += damages
+    found.gaps += reader.known_losses + [
         f"{gap.ticks} ticks and {gap.raw} raw messages before {gap.stamp_ns * 1e-9:.3f} s: {gap.reason}"
         for gap in reader.gaps
     ]

@@ -28,6 +28,7 @@ from runtime.tick import Tick, Timing
 from slam.estimate import Estimate
 from slam.pose import Pose2
 
+LOSSES_TOLD = 3
 OUTCOMES = frozenset(("/estimate", "/pose", "/odom", "/timing", "/state_hash", "/truth"))
 
 
@@ -107,7 +108,9 @@ class RunReader:
             return ""
         until = "none" if self._last_stamp_ns is None else f"the last one at {self._last_stamp_ns * 1e-9:.3f} s"
         what = self._paths[0] if len(self._paths) == 1 else self.folder.path
-        return f"{what} is not whole ({'; '.join(self._losses)}): {self._ticks} whole ticks can be read, {until}"
+        more = len(self._losses) - LOSSES_TOLD
+        why = "; ".join(self._losses[:LOSSES_TOLD]) + (f"; and {more} more, see infant log verify" if more > 0 else "")
+        return f"{what} is not whole ({why}): {self._ticks} whole ticks can be read, {until}"
 
     def records(self) -> Iterator[Record]:
         """Every message of the run in the order of writing, with a gap where something is missing between segments."""
@@ -119,11 +122,13 @@ class RunReader:
             self._size_before += self._file.size if index else 0
             self._file = file = McapPrefix(path)
             number = self._number(file)
-            for name in map(RunFolder.closed_name, range(expected, number)):
+            for absent in range(expected, number):
+                name = RunFolder.closed_name(absent)
                 reason = manifest.removed.get(name, "nobody knows why")
                 self._losses.append(f"{name} is gone: {reason}")
                 self.known_losses += self._losses[-1:] if name in manifest.removed else []
-                owed += 0 if name in manifest.lost else manifest.ticks(name, 1)
+                if name not in manifest.lost or absent + 1 < number:  # else this segment begins with that gap
+                    owed += manifest.ticks(name, 1)
             expected = max(expected, number + 1)
             if not file.damage and owed:
                 yield encode_gap(Gap(stamp_ns, owed, 0, self._losses[-1]))

@@ -25,9 +25,10 @@ def zero(content: bytearray, at: int, rng: np.random.Generator) -> None:
 
 
 def killed(path: Path) -> RunFolder:
-    """Two closed segments and a third that was not closed; its checkpoints are all that protects it."""
+    """Three closed segments and a fourth that was not closed; its checkpoints are all that protects it."""
     drive = Drive(path)
-    drive.run(36)
+    drive.run(45)
+    drive.segments.close()
     return drive.folder
 
 
