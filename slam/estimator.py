@@ -56,9 +56,8 @@ class Estimator:
         self._scan_ns = scan.stamp_ns
         increment = self._odometry.take_until(scan.stamp_ns)
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
-        features, verdicts = self._front_end.observe(
-            scan, self._odometry.odom_from_body, twist, increment.at_rest
-        )
+        predicted = self._joint.map_from_body @ increment.as_pose()
+        features, verdicts = self._front_end.observe(scan, predicted, twist, increment.at_rest)
         features = with_motion_noise(features, scan, increment.covariance, increment.duration_s)
         sight = sight_line(scan)
         outcome = self._particles.step(increment, features, sight)
