@@ -101,5 +101,12 @@ class RunFacts:
         return (stamp_ns - self.origin_ns) * 1e-9
 
     def events_of(self, source: str, *kinds: str) -> list[Event]:
-        """Events of a source, of these kinds if any are named."""
-        return [event for event in self.events if event.source == source and (not kinds or event.kind in kinds)]
+        """Events of a source during the run, of these kinds if any are named.
+
+        What happens while devices come up, before the first tick, is no finding.
+        """
+        return [
+            event
+            for event in self.events
+            if event.source == source and (not kinds or event.kind in kinds) and event.stamp_ns >= self.origin_ns
+        ]

@@ -17,6 +17,7 @@ LATE_SCANS_SHARE = 0.05
 OFTEN = 3  # events of a kind; a loaded host or one bit error gives one or two
 DRIFT_PPM = 300.0  # a crystal keeps 100 ppm
 DRIFT_LEAST_S = 0.02  # apart at the end: a busy host delays even the fastest arrivals by some milliseconds
+DRIFT_BENT = 0.15  # of the gain, off the straight line in the middle: a delay that sets in is no drift
 ADDRESS = "laser.url"
 CAUSES = {  # what the driver said around a silence, most telling first
     "status_": ("the laser reported a fault of its own", "look the status up in the manual, then service the laser"),
@@ -198,7 +199,10 @@ def _drift(facts: RunFacts) -> list[Finding]:
     first, last = int(np.argmin(delay[:fifth])), arrival.size - fifth + int(np.argmin(delay[-fifth:]))
     ahead_s = float(delay[first] - delay[last])
     ppm = ahead_s / float(arrival[last] - arrival[first]) * 1e6
-    if abs(ppm) < DRIFT_PPM or abs(ahead_s) < DRIFT_LEAST_S:
+    middle = 2 * fifth + int(np.argmin(delay[2 * fifth : 3 * fifth]))
+    share = float((arrival[middle] - arrival[first]) / (arrival[last] - arrival[first]))
+    steady = abs(float(delay[first] - delay[middle]) - share * ahead_s) < DRIFT_BENT * abs(ahead_s)
+    if abs(ppm) < DRIFT_PPM or abs(ahead_s) < DRIFT_LEAST_S or not steady:
         return []
     measured = (float(arrival[first]), float(arrival[last]))
     return [

@@ -1,10 +1,11 @@
 """Whether the pose could be believed, what moved around the rover, and how far off the pose was."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.measurements import Severity
 from runtime.report.facts import QUALITIES, RunFacts
-from runtime.report.finding import Finding, intervals_where, spans_text
+from runtime.report.finding import Finding, Interval, intervals_where, spans_text
 
 STARTING_S = 2.0  # before the first scans nothing is known, and that is no fault
 UNCERTAIN_S = 1.0  # shorter doubts pass with the next landmarks
@@ -31,7 +32,7 @@ def _quality(facts: RunFacts) -> list[Finding]:
         if not intervals:
             continue
         inside = holds & np.isfinite(ticks.position_sd_m)
-        blind = any(start <= t <= end for t in _blind_times(facts) for start, end in intervals)
+        cause, remedy = _doubt(facts, holds, intervals)
         findings.append(
             Finding(
                 f"pose_{word}",
@@ -41,12 +42,25 @@ def _quality(facts: RunFacts) -> list[Finding]:
                     f"standard deviation up to {min(ticks.position_sd_m[inside].max(), 1e6):.2f} m, both estimators "
                     f"up to {ticks.apart_m[inside].max():.2f} m apart",
                 ),
-                "no scans came: see the laser" if blind else "too few landmarks in view, or matches that contradict",
-                "what the laser's finding says" if blind else "slam.particles more; landmarks along the course",
+                cause,
+                remedy,
                 intervals,
             )
         )
     return findings
+
+
+def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval, ...]) -> tuple[str, str]:
+    """Cause and remedy by which bound of slam.quality was passed for most of the time."""
+    quality, ticks = facts.configuration.slam.quality, facts.ticks
+    if any(start <= moment <= end for moment in _blind_times(facts) for start, end in intervals):
+        return "no scans came: see the laser", "what the laser's finding says"
+    if np.median(ticks.apart_m[holds]) > quality.uncertain_gap_m:
+        return (
+            "the particles have left the joint Gaussian, whose pose is published and may still be right",
+            "slam.particles more; see what happened when it began",
+        )
+    return "too few landmarks in view, or matches that contradict", "slam.particles more; landmarks along the course"
 
 
 def _blind_times(facts: RunFacts) -> list[float]:

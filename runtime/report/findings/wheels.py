@@ -50,6 +50,9 @@ def _silent(facts: RunFacts) -> list[Finding]:
     ]
     faults = [event for event in around if event.kind == "invalid" or event.kind in DAMAGE]
     sides = {side for event in faults if (side := _side(event))}
+    unheard = [event for event in facts.events_of("health") if "not heard so far" in event.reason]
+    heard_of = [re.search(r"(left|right) wheel: not heard", event.reason) for event in unheard]
+    sides |= {found.group(1) for found in heard_of if found is not None}
     one = len(sides) == 1 and not any(event.kind in BUS for event in around)
     who = f"{sides.pop()} wheel" if one else "odometry"
     cause = _silence_cause(around, faults, one)
@@ -58,7 +61,7 @@ def _silent(facts: RunFacts) -> list[Finding]:
             "wheel_silent" if one else "odometry_silent",
             Severity.ERROR if longest >= SILENT_ERROR_S else Severity.WARN,
             f"{who} silent {spans_text(intervals)}",
-            (f"no good wheel sample for up to {longest:.1f} s", *_told(around)),
+            (f"no good wheel sample for up to {longest:.1f} s", *_told([*around, *unheard])),
             cause,
             "check power and cable of the node" + ("" if one else "s and the bus; [encoders.bus]"),
             intervals,
@@ -70,6 +73,8 @@ def _silence_cause(around: list[Event], faults: list[Event], one: bool) -> str:
     for event in around:
         if event.kind in BUS:
             return "the CAN bus is broken: wiring, termination or bit rate"
+    if any("counts_per_rev" in event.reason for event in faults):
+        return "its counts are refused because it is not the node that is configured"
     for event in faults:
         if event.kind in DAMAGE and event.kind != "lost_together":
             return DAMAGE[event.kind]
