@@ -1,7 +1,6 @@
 """One step of the estimator that cannot stop the loop; live and replay both go through here."""
 
 import traceback
-
 from typing import Protocol
 
 from drivers.measurements import Event, ScanLike, Severity, WheelSample

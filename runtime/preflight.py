@@ -130,7 +130,7 @@ def check_endpoint(endpoint: str) -> Finding:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((address.strip("[]"), int(port)))
     except (OSError, ValueError) as error:
-        return Finding("zenoh", Verdict.WARN, f"{endpoint}: {error}", "does another rover run here? the next port is used")
+        return Finding("zenoh", Verdict.WARN, f"{endpoint}: {error}", "another rover here? the next port is used")
     return Finding("zenoh", Verdict.PASS, f"{endpoint} is free")
 
 

@@ -6,7 +6,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from drivers.measurements import Event, Scan, ScanLike, SensorHealth, SensorState, WheelCounts, WheelSample, uniform_bearings
+from drivers.measurements import (
+    Event,
+    Scan,
+    ScanLike,
+    SensorHealth,
+    SensorState,
+    WheelCounts,
+    WheelSample,
+    uniform_bearings,
+)
 from runtime.health import Health, HealthMonitor
 from runtime.loop import Loop
 from runtime.tick import SinkHealth, Tick, Timing
