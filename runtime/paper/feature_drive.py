@@ -63,7 +63,13 @@ def _world(kind: WorldKind, seed: int, scans_at_rest: int) -> FeatureDrive:
 
 
 def feature_drive(
-    kind: WorldKind, seed: int, arm: str, particles: int, keep_paths: bool, code: str, steps: int | None = None
+    kind: WorldKind,
+    seed: int,
+    arm: str,
+    particles: int,
+    keep_paths: bool,
+    code: str,  # noqa: ARG001  names the job
+    steps: int | None = None,
 ) -> Result:
     """Figures of one drive, and with `keep_paths` its paths and maps.
 

@@ -50,7 +50,7 @@ def _points(features: Features) -> FloatArray:
     return np.stack((ranges * np.cos(bearings), ranges * np.sin(bearings)), axis=-1)
 
 
-def _rows(features: Features, kept: NDArray[np.int64]) -> Features:
+def _rows(features: Features, kept: NDArray[np.bool_]) -> Features:
     return Features(
         features.stamp_ns,
         features.ranges_m[kept],

@@ -26,7 +26,7 @@ def outdoor_drive(
     particles: int,
     duration_s: float,
     keep_paths: bool,
-    code: str,
+    code: str,  # noqa: ARG001  names the job
     front_end: str = "robust",
 ) -> Result:
     """Figures of one drive; `code` as in feature_drive.

@@ -1,0 +1,114 @@
+"""What the paper says, what was found here, and whether it holds: computed from the figures, never written down."""
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from runtime.paper.spread import spread
+from runtime.paper.study import OUTDOOR, PRINTED, Cell, Outcomes, Row, column
+
+Verdict = Literal["holds", "does not hold", "undecided"]
+
+OURS = (
+    "M_c, K and the floor of the density threshold", "the particle count", "odometry and measurement noise",
+    "alpha, beta, kappa of the unscented transform", "existence increments and bounds", "the difference threshold",
+    "the likelihood of a feature that matches nothing", "the worlds, the courses and the simulated outdoor drive",
+    "feature spacing of 0.75 m in the worlds of features (0.10 m on scans, as printed)",
+)  # fmt: skip
+WORSE_ONLY = 1.0
+LARGEST, LIKELIHOODS, LANDMARKS, TIME = "largest_m", "likelihoods", "landmarks", "filter_cpu_s"
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One sentence of the paper beside what was measured."""
+
+    where: str
+    paper: str
+    here: str
+    verdict: Verdict
+
+    def row(self) -> dict[str, str]:
+        """For a table."""
+        return asdict(self)
+
+    @property
+    def sentence(self) -> str:
+        """In plain words."""
+        return f"{self.where}: the paper says {self.paper}; here {self.here}: {self.verdict}"
+
+
+def verdict_of_ratio(low: float, high: float, limit: float) -> Verdict:
+    """Whether a ratio with this interval is at most the limit."""
+    if high <= limit:
+        return "holds"
+    return "does not hold" if low > limit else "undecided"
+
+
+def ratio_claim(row: Row, paper: str, limit: float, what: str) -> Claim:
+    """A claim "at most so many times", from one row of comparison."""
+    change = f"{what} changes by {100 * (row['ratio'] - 1):+.0f} % [{100 * (row['ratio_low'] - 1):+.0f}, "
+    change += f"{100 * (row['ratio_high'] - 1):+.0f}] over {row['seeds']} seeds"
+    return Claim(row["world"], paper, change, verdict_of_ratio(row["ratio_low"], row["ratio_high"], limit))
+
+
+def claims(outcomes: Outcomes, comparisons: Iterable[Row]) -> list[Claim]:
+    """Every claim for which there are figures."""
+    found = []
+    for row in comparisons:
+        key: tuple[Any, ...] = (row["arm"], row["against"], row["quantity"])
+        match key:
+            case ("proposed", "normal", "particles_largest_m"):
+                found.append(ratio_claim(row, "the largest error falls by 80 %", 0.2, "that of the particles"))
+            case ("proposed", "normal", "published_largest_m"):
+                found.append(ratio_claim(row, "the largest error falls by 80 %", 0.2, "that of the published pose"))
+            case ("proposed", "normal", "landmarks"):
+                found.append(ratio_claim(row, "627 landmarks become 213, -66 %", 213 / 627, "the number of landmarks"))
+            case ("proposed", "normal", "filter_cpu_s"):
+                found.append(ratio_claim(row, "time falls from 643 to 109, -83 %", 109 / 643, "CPU time of the filter"))
+            case ("proposed", "normal", "likelihoods"):
+                aim = "no figure (aim of this project: -90 %)"
+                found.append(ratio_claim(row, aim, 0.1, "the number of likelihoods"))
+            case ("ekf", "proposed", "particles_largest_m" | "particles_aligned_trimmed_rms_m"):
+                found.append(_unscented_claim(row))
+    return found + _feature_claims(outcomes) + _odometry_claims(outcomes)
+
+
+def _unscented_claim(row: Row) -> Claim:
+    """The difference is EKF minus unscented: above zero, the unscented one is better."""
+    low, high = row["difference_low"], row["difference_high"]
+    here = f"the EKF's error is larger by {row['difference']:+.3f} m [{low:+.3f}, {high:+.3f}] ({row['quantity']})"
+    verdict: Verdict = "holds" if low > 0 else "does not hold" if high < 0 else "undecided"
+    return Claim(row["world"], "the unscented proposal is more accurate than the EKF's", here, verdict)
+
+
+def _feature_claims(outcomes: Outcomes) -> list[Claim]:
+    found = []
+    for world in (OUTDOOR, PRINTED):
+        results = outcomes.get(Cell(world, "proposed"))
+        if results is None:
+            continue
+        apart = column(results, "least_spacing_m").min()
+        near = f"the nearest two are {apart:.3f} m apart"
+        verdict: Verdict = "holds" if apart >= 0.0995 else "does not hold"  # float32 ranges
+        found.append(Claim(world, "features are at least 0.10 m apart", near, verdict))
+        share = spread(column(results, "moving_created_share"))
+        says = f"{100 * share.mean:.1f} % [{100 * share.mean_low:.1f}, {100 * share.mean_high:.1f}] of the features "
+        says += "that may become landmarks lie on people or robots"
+        verdict = "holds" if share.mean_high < 0.01 else "does not hold" if share.mean_low > 0.01 else "undecided"
+        found.append(Claim(world, "dynamic objects are not detected (taken as: under 1 %)", says, verdict))
+    return found
+
+
+def _odometry_claims(outcomes: Outcomes) -> list[Claim]:
+    found = []
+    for cell, results in outcomes.items():
+        name = "aligned_trimmed_rms_m" if "odometry_aligned_trimmed_rms_m" in results[0] else "aligned_rms_m"
+        if cell.arm not in ("proposed", "ekf"):
+            continue
+        ours, dead = column(results, f"particles_{name}"), column(results, f"odometry_{name}")
+        better = int((ours < dead).sum())
+        here = f"in {better} of {len(ours)} seeds (mean {ours.mean():.2f} against {dead.mean():.2f} m, {name})"
+        verdict: Verdict = "holds" if better == len(ours) else "does not hold"
+        found.append(Claim(f"{cell.world}, {cell.arm}", "SLAM is more accurate than odometry", here, verdict))
+    return found
