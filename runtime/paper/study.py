@@ -23,8 +23,10 @@ Row = dict[str, Any]
 PARTS = ("fig1", "fig2", "table1", "ablation", "fig5", "fig6")
 OUTDOOR, PRINTED, VICTORIA = "outdoor (simulated)", "outdoor (simulated), printed front end", "Victoria Park"
 OUTDOOR_S = 60.0
-JOB_SOURCES = ("arms", "feature_vote", "feature_drive", "outcome", "outdoor", "outdoor_drive", "trajectory_error")
-JOB_SOURCES += ("victoria", "walkers", "worlds")
+JOB_SOURCES = (
+    *("arms", "feature_vote", "feature_drive", "outcome", "outdoor", "outdoor_drive"),
+    *("trajectory_error", "victoria", "walkers", "worlds"),
+)
 
 
 @dataclass(frozen=True, slots=True)

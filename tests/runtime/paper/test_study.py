@@ -1,0 +1,73 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.paper.arms import ablation_arms, arm_settings
+from runtime.paper.claims import verdict_of_ratio
+from runtime.paper.feature_drive import feature_drive, feature_settings
+from runtime.paper.jobs import Job, run_jobs
+from runtime.paper.spread import compare, spread
+from runtime.paper.study import Cell, Study, comparison_rows, run_study
+
+STEPS = 110
+
+
+def drive(arm: str) -> dict[str, float]:
+    return feature_drive("V2", 0, arm, 3, False, "test", STEPS)
+
+
+def ignore(_done: int, _total: int) -> None: ...
+
+
+def test_the_techniques_save_nine_tenths_of_the_likelihoods_and_most_landmarks() -> None:
+    proposed, normal = drive("proposed"), drive("normal")
+    assert proposed["likelihoods"] < 0.1 * normal["likelihoods"]
+    assert proposed["landmarks"] < 0.5 * normal["landmarks"]
+
+
+def test_normal_estimation_has_every_technique_off_and_each_arm_of_the_ablation_one_changed() -> None:
+    def switches(arm: str) -> list[bool]:
+        return list(feature_settings(arm, 3).techniques.model_dump().values())
+
+    assert not any(switches("normal"))
+    assert [sum(switches(arm)) for arm in ablation_arms()] == [5] * 6 + [1] * 6
+    with pytest.raises(ValueError, match="no arm"):
+        arm_settings("without luck")
+
+
+def test_this_process_and_a_cluster_give_the_same_figures(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="needs the extra: cluster")
+    arguments = {"kind": "P", "seed": 1, "arm": "proposed", "particles": 3, "keep_paths": True, "code": "test"}
+    jobs = [Job(feature_drive, {**arguments, "steps": 40})]
+    here, there = (run_jobs(jobs, tmp_path / str(at), at, ignore)[0] for at in (None, "local"))
+    for result in (here, there):
+        for name in ("filter_cpu_s", "joint_cpu_s"):  # time differs from run to run
+            result.pop(name)
+    assert here == there
+
+
+def test_a_study_compares_by_seed_and_sets_the_published_pose_against_normal_particles(tmp_path: Path) -> None:
+    outcomes = run_study(Study(("table1",), seeds=2, particles=2, steps=30), tmp_path, None, ignore)
+    assert {len(results) for results in outcomes.values()} == {2}
+    rows = {(row["world"], row["quantity"]): row for row in comparison_rows(outcomes) if row["against"] == "normal"}
+    normal, proposed = (outcomes[Cell("V2", arm)] for arm in ("normal", "proposed"))
+    differences = [
+        ours["published_largest_m"] - theirs["particles_largest_m"]
+        for ours, theirs in zip(proposed, normal, strict=True)
+    ]
+    assert rows["V2", "published_largest_m"]["difference"] == pytest.approx(np.mean(differences))
+
+
+def test_pairing_takes_out_what_the_seeds_have_in_common() -> None:
+    seeds = np.random.default_rng(3).uniform(1.0, 9.0, 20)
+    paired = compare(seeds + 0.5, seeds)
+    assert paired.difference == pytest.approx(0.5)
+    assert paired.difference_high - paired.difference_low < 1e-9
+    assert spread(seeds).mean_high - spread(seeds).mean_low > 0.5
+
+
+def test_a_verdict_follows_the_whole_interval() -> None:
+    assert verdict_of_ratio(0.1, 0.19, 0.2) == "holds"
+    assert verdict_of_ratio(0.21, 0.4, 0.2) == "does not hold"
+    assert verdict_of_ratio(0.1, 0.4, 0.2) == "undecided"
