@@ -52,7 +52,7 @@ def time_plot(
     from_zero: bool = True,
 ) -> str:
     """Curves over the seconds of the run; marked intervals are shaded."""
-    drawn = [line for line in lines if np.isfinite(line.y).any()]
+    drawn = [_driven(line) for line in lines if np.isfinite(line.y[line.x >= 0.0]).any()]
     if not drawn:
         return '<p class="quiet">Nothing recorded.</p>'
     values = np.concatenate([line.y[np.isfinite(line.y)] for line in drawn])
@@ -67,6 +67,12 @@ def time_plot(
     ]
     parts += [_axes(frame, "time, s", y_label), *(_curve(line, frame) for line in drawn)]
     return _svg("".join(parts), height, y_label) + _legend(drawn)
+
+
+def _driven(line: Line) -> Line:
+    """Without what came before the first tick."""
+    during = line.x >= 0.0
+    return Line(line.name, line.x[during], line.y[during], line.style, line.dots)
 
 
 def map_plot(lines: Sequence[Line], label: str) -> str:

@@ -1,12 +1,14 @@
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from drivers.measurements import Severity
+from drivers.measurements import Event, Severity
 from runtime.report.finding import Finding
 from runtime.report.judge import judge, verdict
 from tests.runtime.calibrate.made_drives import Rover
-from tests.runtime.report.seeded_runs import FAULTS, seeded_facts
+from tests.runtime.report.seeded_runs import FAULTS, Draft, seeded_facts
 
 QUICK = ("laser_silent", "wheel_stuck", "storage_gap", "rate_low", "left_wheel_smaller")
 SEEDS = range(10, 20)
@@ -49,3 +51,11 @@ def test_nine_of_ten_runs_with_a_fault_are_named_right(tmp_path: Path, name: str
 def test_95_of_100_healthy_runs_have_no_finding_above_info(tmp_path: Path) -> None:
     told = {seed: _grave(judge(seeded_facts(tmp_path / str(seed), seed, Rover()))) for seed in range(100, 200)}
     assert sum(map(bool, told.values())) <= 5, {seed: kinds for seed, kinds in told.items() if kinds}
+
+
+def test_what_happens_while_devices_come_up_is_no_finding(tmp_path: Path) -> None:
+    def early(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:
+        began = Event(drafts[0].stamp_ns - 200_000_000, "encoders", "restart", "left wheel: the node has booted")
+        return [replace(drafts[0], events=(began,)), *drafts[1:]]
+
+    assert "wheel_node_restarted" not in _grave(judge(seeded_facts(tmp_path / "run", 1, fault=early, duration_s=6.0)))
