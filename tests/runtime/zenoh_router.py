@@ -1,4 +1,7 @@
-"""A zenoh router as ROS 2 starts it, in a process of its own, to be killed: python -m tests.runtime.zenoh_router ENDPOINT."""
+"""A zenoh router as ROS 2 starts it, in a process of its own, to be killed.
+
+python -m tests.runtime.zenoh_router ENDPOINT
+"""
 
 import json
 import sys
