@@ -95,20 +95,24 @@ class Atlas:
         return found
 
     def settled_means(self, state_rows: IntArray, state_means_m: FloatArray) -> FloatArray:
-        """(R, 2) means of all rows as they follow from those in the state now."""
+        """(R, 2) means of all rows as they follow from those in the state now; nothing is changed."""
+        return self._settled(state_rows, state_means_m)[0]
+
+    def sort_anew(self, state_rows: IntArray, state_means_m: FloatArray) -> None:
+        """After the map has moved: settle everything outside the state and sort it into cells by where it is now."""
+        self.means, self.parent_means = self._settled(state_rows, state_means_m)
+        rows = np.flatnonzero(self.place == AWAY)
+        self._cells, self._cell_of = {}, {}
+        cells = np.floor(self.means[rows] / self._cell_m).astype(np.int64)
+        for row, (i, j) in zip(rows.tolist(), cells.tolist(), strict=True):
+            self._sort_in(row, (i, j))
+
+    def _settled(self, state_rows: IntArray, state_means_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         means, parent_means = self.means.copy(), self.parent_means.copy()
         means[state_rows] = state_means_m
         known = self.place != AWAY
         settle(np.flatnonzero(~known), known, means, self.parents, parent_means, self.weights)
-        return means
-
-    def sort_anew(self, means_m: FloatArray) -> None:
-        """After the map has moved: sort everything outside the state into cells by its settled mean (R, 2)."""
-        rows = np.flatnonzero(self.place == AWAY)
-        self._cells, self._cell_of = {}, {}
-        cells = np.floor(means_m[rows] / self._cell_m).astype(np.int64)
-        for row, (i, j) in zip(rows.tolist(), cells.tolist(), strict=True):
-            self._sort_in(row, (i, j))
+        return means, parent_means
 
     def _sort_in(self, row: int, cell: tuple[int, int]) -> None:
         self._cells.setdefault(cell, []).append(row)

@@ -33,8 +33,8 @@ def predict(
 ) -> None:
     """Move the pose by an increment (3,) given in its own frame; O(n).
 
-    The constants at 3, 4, 5 correct it: distances are longer by the first, turns by the second (shares), and every metre
-    turns by the third (rad/m) more than the wheels say. They are the same all along, so the filter finds them out.
+    The constants at 3, 4, 5 correct it: distances are longer by the first, turns by the second (shares), and every
+    metre turns by the third (rad/m) more than the wheels say. They stay the same, so the filter finds them out.
     jump: what the last update moved the position by, if the derivative is to be taken at first estimates, else 0.
     """
     distance = math.sqrt(increment[0] * increment[0] + increment[1] * increment[1])

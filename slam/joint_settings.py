@@ -17,6 +17,10 @@ class JointSettings(BaseModel):
     association: Literal["own", "particles"] = Field(
         "own", description="who decides which feature is which landmark; the best particle's slips would be inherited"
     )
+    creation: Literal["any", "licensed"] = Field(
+        "any",
+        description="which features may start a landmark: existence sorts out movers later at less cost than a licence",
+    )
     jacobians: Literal["invariant", "first_estimates", "current"] = Field(
         "invariant", description="where derivatives are taken; 'current' alone grows overconfident in heading"
     )
@@ -39,7 +43,11 @@ class JointSettings(BaseModel):
         3.0, ge=-50, le=100, description="a landmark that leaves the view below this is forgotten: a chance point"
     )
     landmarks_in_state: int = Field(
-        128, ge=8, le=4096, description="landmarks in the joint state, or all near the rover; a step costs the square"
+        96,
+        ge=2,
+        le=4096,
+        description="landmarks in the joint state, and half as many far ones at least, however many are near: they "
+        "hold the map together when a loop closes; a step costs the square",
     )
     distance_scale_sigma: float = Field(
         0.02, ge=0, le=1, description="standard deviation of a constant relative error of every distance driven"
