@@ -17,7 +17,6 @@ from slam.observations import BeamVerdict
 from slam.settings import SlamSettings
 
 FloatArray = NDArray[np.float64]
-SHOWN_EVERY = 10
 
 
 def outdoor_drive(
@@ -113,9 +112,16 @@ def feature_figures(steps: tuple[OutdoorStep, ...], estimates: list[Estimate]) -
 def scan_picture(
     steps: tuple[OutdoorStep, ...], estimates: list[Estimate], mount: tuple[float, float, float]
 ) -> dict[str, Any]:
-    """The scan with most beams on movers within 12 m: what Fig. 5 shows, in the true map frame."""
-    near = [int((s.moving & (s.scan.ranges_m < 12.0)).sum()) for s in steps[len(steps) // 5 :]]
-    index = len(steps) // 5 + int(np.argmax(near))
+    """One scan among many movers, as Fig. 5 shows it, in the true map frame.
+
+    Of the scans with at least half as many beams on movers within 12 m as any, the one with the median number of
+    features that may become landmarks: neither the best nor the worst.
+    """
+    first = len(steps) // 5
+    near = np.array([(step.moving & (step.scan.ranges_m < 12.0)).sum() for step in steps[first:]])
+    crowded = first + np.flatnonzero(2 * near >= near.max())
+    licensed = [0 if (seen := estimates[k].features) is None else int(seen.may_create.sum()) for k in crowded]
+    index = int(crowded[np.argsort(licensed, kind="stable")[len(licensed) // 2]])
     step, estimate = steps[index], estimates[index]
     features, verdicts = estimate.features, estimate.beam_verdicts
     if features is None or verdicts is None:

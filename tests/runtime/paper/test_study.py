@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.paper.arms import ablation_arms, arm_settings
-from runtime.paper.claims import verdict_of_ratio
+from runtime.paper.claims import claims, verdict_of_ratio
 from runtime.paper.feature_drive import feature_drive, feature_settings
 from runtime.paper.jobs import Job, run_jobs
 from runtime.paper.spread import compare, spread
@@ -71,3 +71,10 @@ def test_a_verdict_follows_the_whole_interval() -> None:
     assert verdict_of_ratio(0.1, 0.19, 0.2) == "holds"
     assert verdict_of_ratio(0.21, 0.4, 0.2) == "does not hold"
     assert verdict_of_ratio(0.1, 0.4, 0.2) == "undecided"
+
+
+def test_few_seeds_decide_nothing(tmp_path: Path) -> None:
+    outcomes = run_study(Study(("table1",), seeds=1, particles=2, steps=30), tmp_path, None, ignore)
+    found = claims(outcomes, comparison_rows(outcomes))
+    assert found
+    assert {claim.verdict for claim in found} == {"undecided"}
