@@ -30,7 +30,6 @@ class Segments:
         self._metadata = metadata
         self._segment_ns = segment_ns
         self._now_ns = now_ns
-        self.closed = 0
         self._number = 0
         self._unwritten: list[Record] = []  # in the file at hand, but not taken by the disk
         self._held: list[Record] = []  # for the next file
@@ -180,7 +179,6 @@ class Segments:
             ticks=self._ticks,
         )
         self._file = None
-        self.closed += 1
         file.close()
         if not self._ending:
             self._begin(*self._create()).write()

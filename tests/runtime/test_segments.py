@@ -1,12 +1,16 @@
 """A long run is many closed segments that read as one; what is missing between them is said."""
 
+import os
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from runtime.loop_settings import RecordSettings
 from runtime.manifest import Manifest
 from runtime.messages import Record
+from runtime.record_room import make_room
 from runtime.run_folder import RunFolder
 from runtime.run_header import RunHeader
 from runtime.run_reader import RecordedTick, RunReader
@@ -26,11 +30,11 @@ def records_of(seq: int, rng: np.random.Generator, beams: int = 40) -> list[Reco
 class Drive:
     """Segments on a clock that is moved by hand: one tick is a tenth of a second."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, segment_ns: int = SEGMENT_TICKS * PERIOD_NS) -> None:
         self.now_ns = 0
         self.folder = RunFolder.create(path, path)
         metadata = RunHeader("seed = 1\n", "live", boot_id="b", created_utc="u").metadata
-        self.segments = Segments(self.folder, metadata, SEGMENT_TICKS * PERIOD_NS, lambda: self.now_ns)
+        self.segments = Segments(self.folder, metadata, segment_ns, lambda: self.now_ns)
         self.rng = np.random.default_rng(3)
         self.seq = 0
 
@@ -211,3 +215,27 @@ def test_a_folder_taken_away_is_made_again(tmp_path: Path) -> None:
     assert left[:15] == list(range(15))
     assert left[-12:] == list(range(27, 39))
     assert sum(gap.ticks for gap in reader.gaps) >= 39 - len(left)
+
+
+@pytest.mark.soak
+def test_memory_is_flat_over_five_hours_of_driving(tmp_path: Path) -> None:
+    drive = Drive(tmp_path / "run", segment_ns=60 * 10 * PERIOD_NS)
+    records = records_of(0, drive.rng, 200)
+    room = RecordSettings(budget_gb=0.02, keep_free_gb=0.0)
+    resident_bytes = []
+    for minute in range(300):
+        for tick in range(600):
+            for record in records:
+                drive.segments.add(record)
+            drive.now_ns += PERIOD_NS
+            if tick % CHUNK_TICKS == 0:
+                drive.segments.end_chunk()
+                drive.segments.write()
+        make_room(drive.folder, drive.segments.manifest, room, False)
+        if minute >= 30:
+            pages = int(Path("/proc/self/statm").read_text().split()[1])
+            resident_bytes.append(pages * os.sysconf("SC_PAGE_SIZE"))
+    drive.end()
+    grown_mb = (max(resident_bytes[-30:]) - max(resident_bytes[:30])) / 1e6
+    sys.stdout.write(f"memory grew by {grown_mb:.2f} MB from the first hour to the last\n")
+    assert grown_mb < 5.0
