@@ -18,8 +18,9 @@ class JointSettings(BaseModel):
         "own", description="who decides which feature is which landmark; the best particle's slips would be inherited"
     )
     creation: Literal["any", "licensed"] = Field(
-        "any",
-        description="which features may start a landmark: existence sorts out movers later at less cost than a licence",
+        "licensed",
+        description="which features may start a landmark; 'any' let walking people drag the pose: 47 mm against 7 mm "
+        "in one simulated drive of a minute, and the same in two others",
     )
     jacobians: Literal["invariant", "first_estimates", "current"] = Field(
         "invariant", description="where derivatives are taken; 'current' alone grows overconfident in heading"
