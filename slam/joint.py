@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from slam.estimate import LandmarkMap
 from slam.joint_association import PENDING, Gates, associate, follow
 from slam.joint_atlas import AWAY
-from slam.joint_kernels import block, neighbour_distances, overdue, places_within, predict, update
+from slam.joint_kernels import predict, update
 from slam.joint_measurement import FIRST_PLACE
+from slam.joint_neighbours import block, neighbour_distances, overdue, places_within
 from slam.joint_settings import JointSettings
 from slam.joint_state import JointState
 from slam.landmark_filter import sensor_pose

@@ -18,10 +18,10 @@ from slam.association import (
     associate_sequentially,
     associate_simultaneously,
     fold_all,
-    sighting_of,
 )
 from slam.compiled import kernel
 from slam.landmark_filter import new_landmark, sensor_pose, update_landmark
+from slam.match_bounds import sighting_of
 from slam.pages import (
     FIELDS,
     FREE_PAGES,

@@ -10,8 +10,8 @@ from slam.association import (
     associate_by_identity,
     associate_sequentially,
     associate_simultaneously,
-    match_bound,
 )
+from slam.match_bounds import match_bound
 from slam.observations import MatchVerdict
 from slam.tuning import Tuning
 from tests.slam.scenes import settings_of

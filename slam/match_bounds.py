@@ -1,0 +1,72 @@
+"""What a feature looks like from a pose, and how far it may be from the landmark that it is taken for."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.compiled import kernel
+from slam.proposals import Moments, Proposal, Sighting, linearised_moments, unscented_moments
+from slam.tuning import Tuning
+
+FloatArray = NDArray[np.float64]
+UNSCENTED = int(Proposal.UNSCENTED)
+
+
+@kernel
+def sighting_of(features: FloatArray, index: int) -> Sighting:
+    """Feature `index` of the rows of slam.kernels."""
+    return Sighting(
+        features[index, 0], features[index, 1], features[index, 2], features[index, 3], features[index, 4]
+    )
+
+
+@kernel
+def moments_of(
+    pose: FloatArray,
+    covariance: FloatArray,
+    root: FloatArray,
+    mount: FloatArray,
+    landmark: FloatArray,
+    noise: Sighting,
+    tuning: Tuning,
+) -> Moments:
+    """What the proposal in force predicts for one landmark."""
+    if tuning.proposal == UNSCENTED:
+        return unscented_moments(pose, root, mount, landmark, noise, tuning.joint_weights, tuning.spread)
+    return linearised_moments(pose, covariance, mount, landmark, noise)
+
+
+@kernel
+def accepts(distance: float, candidates: FloatArray, chosen: int, tuning: Tuning) -> bool:
+    """True if a squared distance is within the bound for this landmark; what the densest place accepts, all do."""
+    if tuning.density and distance <= -2.0 * tuning.match_base:
+        return True
+    return distance <= match_bound(candidates, chosen, tuning)
+
+
+@kernel
+def match_bound(candidates: FloatArray, chosen: int, tuning: Tuning) -> float:
+    """M_th = M_c - K d_min (5) with a floor: strict where landmarks are dense, tolerant where one stands alone.
+
+    As a squared Mahalanobis distance; d_min is the distance to the nearest other landmark.
+    """
+    if not tuning.density:
+        return -2.0 * tuning.match_fixed
+    nearest = math.inf
+    for other in range(candidates.shape[0]):
+        dx, dy = candidates[other, 0] - candidates[chosen, 0], candidates[other, 1] - candidates[chosen, 1]
+        square = dx * dx + dy * dy
+        if other != chosen and square < nearest:
+            nearest = square
+    return -2.0 * max(tuning.match_base - tuning.match_per_metre * math.sqrt(nearest), tuning.match_floor)
+
+
+@kernel
+def largest_variance(pose_covariance: FloatArray, sighting: Sighting) -> float:
+    """Bound m^2 on the variance that pose and sensor cause at the feature's place; the landmark's own comes on top."""
+    position: float = pose_covariance[0, 0] + pose_covariance[1, 1]
+    heading: float = pose_covariance[2, 2]
+    square = sighting.range_m * sighting.range_m
+    swing = 2.0 * abs(sighting.range_m) * math.sqrt(heading * position)
+    return position + swing + sighting.rr + square * (heading + sighting.bb)
