@@ -3,11 +3,16 @@
 import pkgutil
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import import_module
 
 from numba.core.dispatcher import Dispatcher
 
 import slam
+from drivers.measurements import Scan
+from slam.estimator import Estimator
+from slam.settings import SlamSettings
+from slam.warm_up import warm_up_drive, warm_up_settings
 
 # In a process of its own: what other tests have compiled must not hide what the warm-up left out.
 DRIVE = """
@@ -68,3 +73,18 @@ def compiled_signatures() -> set[tuple[str, str, str]]:
 def test_a_drive_compiles_nothing_that_the_warm_up_has_not() -> None:
     result = subprocess.run([sys.executable, "-c", DRIVE], capture_output=True, text=True, timeout=280, check=False)
     assert result.returncode == 0, result.stderr[-3000:]
+
+
+def bearing_variance(beam_period_s: float) -> float:
+    """Mean over the features of the last scan of the warm-up's drive, which moves."""
+    settings = warm_up_settings(SlamSettings(), "robust")
+    estimator = Estimator(settings, 1)
+    for stamp_ns, scan, wheels in warm_up_drive(settings):
+        assert isinstance(scan, Scan)
+        estimate = estimator.step(stamp_ns, replace(scan, beam_period_s=beam_period_s), wheels)
+    assert estimate.features is not None
+    return float(estimate.features.covariances[:, 1, 1].mean())
+
+
+def test_the_estimator_widens_features_by_the_motion_within_the_sweep() -> None:
+    assert bearing_variance(1e-4) > 1.5 * bearing_variance(0.0)
