@@ -2,13 +2,13 @@
 # Makes a certificate authority and certificates for trying out config/zenoh-fleet.json5. Not for a real fleet:
 # the authority's key stays beside the certificates, unprotected.
 #
-#   config/make-test-ca.sh FOLDER [NAME...]     NAMEs default to: router rover1 rover2 viewer
+#   config/make-test-ca.sh FOLDER [NAME...]     NAMEs default to: router rover1 rover2 viewer operator
 #
 # NAME becomes the common name, by which the access rules tell who is who. Valid 30 days, for localhost.
 set -eu
 folder=${1:?"usage: make-test-ca.sh FOLDER [NAME...]"}
 shift
-[ $# -gt 0 ] || set -- router rover1 rover2 viewer
+[ $# -gt 0 ] || set -- router rover1 rover2 viewer operator
 mkdir -p "$folder"
 cd "$folder"
 umask 077

@@ -12,7 +12,7 @@ use_compile_cache(os.environ)  # before numba
 
 import typer
 
-from runtime import cli_live, cli_log, cli_paper, cli_runs, cli_study
+from runtime import cli_command, cli_live, cli_log, cli_paper, cli_runs, cli_study
 from runtime.errors import InfantError
 
 app = typer.Typer(
@@ -25,6 +25,7 @@ app = typer.Typer(
 cli_live.register(app)
 cli_runs.register(app)
 cli_log.register(app)
+cli_command.register(app)
 cli_study.register(app)
 cli_paper.register(app)
 

@@ -138,6 +138,9 @@ def check(
 
 def status(
     connect: Annotated[list[str] | None, typer.Option("--connect", help="zenoh endpoint of a rover or router")] = None,
+    zenoh_file: Annotated[
+        Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for a fleet's router")
+    ] = None,
     watch: Annotated[bool, typer.Option("--watch", help="again every second until Ctrl-C")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -146,13 +149,17 @@ def status(
     from runtime.errors import SensorError
 
     endpoints = tuple(connect or rovers.ENDPOINTS)
-    answers = rovers.watch_status(endpoints, 1.0, None) if watch else iter([rovers.fetch_status(endpoints)])
+    file = None if zenoh_file is None else str(zenoh_file)
+    if watch:
+        answers = rovers.watch_status(endpoints, 1.0, file)
+    else:
+        answers = iter([rovers.fetch_status(endpoints, config_file=file)])
     for statuses in answers:
         if as_json:
             typer.echo(json.dumps({"rovers": statuses}))
         elif statuses:
-            lines = "\n".join(rovers.status_line(each) for each in statuses)
-            typer.echo(lines if watch else rovers.status_table(statuses))
+            lines = map(rovers.status_line, statuses) if watch else rovers.status_table(statuses)
+            typer.echo("\n".join(lines))
         if not statuses and not watch:
             raise SensorError(rovers.silence_sentence(endpoints))
 

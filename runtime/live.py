@@ -56,6 +56,7 @@ def drive(
         round(1e9 / configuration.loop.rate_hz),
         parts.truth,
         watch,
+        parts.publisher.drain_events,
     )
     try:
         parts.start()

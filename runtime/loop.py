@@ -59,6 +59,7 @@ class Loop:
         period_ns: int,
         truth: Truth,
         watch: Watch,
+        commands: Callable[[], tuple[Event, ...]] = tuple,
     ) -> None:
         self.timekeeping = Timekeeping()
         self._clock = clock
@@ -70,6 +71,7 @@ class Loop:
         self._period_ns = period_ns
         self._truth = truth
         self._watch = watch
+        self._commands = commands
 
     def run(self, start_ns: int, stop: threading.Event, duration_ns: int | None) -> None:
         """Beat from start_ns until `stop` is set or the duration has passed."""
@@ -89,7 +91,7 @@ class Loop:
     ) -> tuple[Event, ...]:
         """One tick; returns the events that belong into the next one."""
         began_ns = self._clock.now_ns()
-        events = carried + self._laser.drain_events() + self._encoders.drain_events()
+        events = carried + self._laser.drain_events() + self._encoders.drain_events() + self._commands()
         if missed:
             events += (
                 Event(beat_ns, "loop", "missed", f"{missed} beat(s) before tick {seq} overslept", Severity.WARN),

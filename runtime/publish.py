@@ -6,7 +6,10 @@ import time
 
 import zenoh
 
+from drivers.measurements import Event
+from runtime.commands import CommandDesk
 from runtime.health import Health
+from runtime.publish_commands import declare_commands
 from runtime.publish_messages import warm_up
 from runtime.publish_settings import PublishSettings
 from runtime.rover_topics import Moment, RoverTopics
@@ -43,6 +46,7 @@ class ZenohPublisher:
         self._dropped = 0
         self._trouble = ""
         self._health: Health | None = None
+        self._desk = CommandDesk(time.monotonic_ns)
         self._stop = threading.Event()
         self._opened = threading.Event()
         self._listening: tuple[str, ...] = ()
@@ -70,6 +74,10 @@ class ZenohPublisher:
             except queue.Empty:
                 pass  # the thread took it between the two lines
         self._queue.put(Moment(tick, estimate, timing))
+
+    def drain_events(self) -> tuple[Event, ...]:
+        """Commands that came over zenoh since the last call; none unless publish.commands is on."""
+        return self._desk.drain_events()
 
     def note_health(self, health: Health) -> None:
         """Health that goes into the next status; one assignment."""
@@ -113,6 +121,8 @@ class ZenohPublisher:
         topics = RoverTopics(
             session, self._settings, self._rover, self._wall_offset_ns, self._configuration_text, listening
         )
+        if self._settings.commands:
+            declare_commands(session, self._rover, self._desk)
         self._listening = listening
         self._opened.set()
         while (moment := self._queue.get()) is not None:

@@ -1,8 +1,8 @@
 """Settings of what the rover tells the world over zenoh."""
 
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 Endpoint = Annotated[str, Field(pattern=r"^(tcp|udp|tls|quic|ws)/\S+:\d{1,5}(#\S*)?$")]
 """For example tcp/127.0.0.1:7447 or tls/router.example:7447."""
@@ -42,3 +42,16 @@ class PublishSettings(BaseModel):
         le=60000,
         description="ms of silence after which a peer is taken for gone; zenoh's 10 s is long on Wi-Fi",
     )
+    commands: bool = Field(
+        False,
+        description="obey mark, save and stop over zenoh; config_file must hold access rules that say who may command",
+    )
+
+    @model_validator(mode="after")
+    def _commands_need_rules(self) -> Self:
+        if self.commands and self.config_file is None:
+            raise ValueError(
+                "config_file to name a zenoh configuration with access_control where commands = true; "
+                "config/zenoh-rover.json5 is one"
+            )
+        return self

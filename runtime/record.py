@@ -7,10 +7,12 @@ from collections.abc import Callable, Mapping
 from queue import SimpleQueue
 
 from drivers.measurements import Event
+from runtime.commands import Command, asked
 from runtime.errors import StorageError
 from runtime.loop_settings import RecordSettings
 from runtime.marks import take_marks
 from runtime.messages import Gap, LaserBytes, Record, encode_gap, encode_laser_bytes
+from runtime.publish_messages import landmark_json
 from runtime.record_room import FULL, make_room
 from runtime.ros_messages import encode_can_frame, encode_events
 from runtime.run_folder import RunFolder
@@ -18,7 +20,7 @@ from runtime.run_header import RunHeader
 from runtime.segments import Segments
 from runtime.tick import SinkHealth, Tick, Timing
 from runtime.tick_records import tick_records, warm_up
-from slam.estimate import Estimate
+from slam.estimate import Estimate, LandmarkMap
 from slam.pose import Pose2
 
 QUEUE_ITEMS = 6000  # 50 s of 10 ticks, 10 scans' bytes and 100 CAN frames a second: longer than any disk should stall
@@ -29,6 +31,7 @@ SYNC_NS = 1_000_000_000
 ROOM_NS = 5_000_000_000
 RETRY_NS = 500_000_000
 CLOSE_S = 2.0
+STOPPED = "the recording was stopped by command"
 
 TickItem = tuple[Tick, Estimate, Timing, bytes, Pose2 | None]
 CanItem = tuple[int, int, int, bytes]
@@ -62,10 +65,12 @@ class Recorder:
         self._file = Segments(folder, header.metadata, round(settings.segment_s * 1e9), now_ns)
         self._queue: SimpleQueue[Item] = SimpleQueue()
         self._stop = threading.Event()
-        self._troubles = {"encode": "", "write": "", "sync": "", "room": "", "mark": ""}
+        self._troubles = {"encode": "", "write": "", "sync": "", "room": "", "mark": "", "map": ""}
         self._dropped_ticks = 0
         self._dropped_raw = 0
         self._told = (0, 0)
+        self._stopped = False  # by command
+        self._landmarks: tuple[int, LandmarkMap] | None = None
         self._is_full = False
         self._chunk_began_ns = self._synced_ns = self._tried_ns = self._room_ns = now_ns()
         self._write(self._tried_ns)
@@ -76,6 +81,8 @@ class Recorder:
 
     def put(self, tick: Tick, estimate: Estimate, timing: Timing, state_hash: bytes, truth: Pose2 | None) -> None:
         """One tick; takes microseconds and never blocks."""
+        if self._stopped:
+            return
         if self._queue.qsize() < QUEUE_ITEMS:
             self._queue.put((tick, estimate, timing, state_hash, truth))
         else:
@@ -83,6 +90,8 @@ class Recorder:
 
     def laser_bytes(self, stamp_ns: int, sent: bool, data: bytes) -> None:
         """Bytes of the laser's wire, from the laser's thread."""
+        if self._stopped:
+            return
         if self._queue.qsize() < QUEUE_ITEMS:
             self._queue.put(LaserBytes(stamp_ns, sent, data))
         else:
@@ -90,6 +99,8 @@ class Recorder:
 
     def can_frame(self, stamp_ns: int, arbitration_id: int, flags: int, data: bytes) -> None:
         """One CAN frame, from the bus's thread."""
+        if self._stopped:
+            return
         if self._queue.qsize() < QUEUE_ITEMS:
             self._queue.put((stamp_ns, arbitration_id, flags, data))
         else:
@@ -101,9 +112,9 @@ class Recorder:
 
     @property
     def _trouble(self) -> str:
-        if not self._thread.is_alive() and not self._stop.is_set():
+        if not self._thread.is_alive() and not self._stop.is_set() and not self._stopped:
             return "the recorder's thread has ended; nothing is written any more"
-        return "; ".join(filter(None, self._troubles.values()))
+        return "; ".join(filter(None, (STOPPED if self._stopped else "", *self._troubles.values())))
 
     def close(self) -> None:
         """Write what is queued and the index; at most 2 s, after which the file has no index but can be read."""
@@ -111,7 +122,7 @@ class Recorder:
         self._thread.join(CLOSE_S)
 
     def _run(self) -> None:
-        while not self._stop.wait(WAKE_S):
+        while not self._stopped and not self._stop.wait(WAKE_S):
             self._drain(self._now_ns())
         self._drain(self._now_ns())
         self._file.finish()
@@ -126,6 +137,8 @@ class Recorder:
     def _drain(self, now_ns: int) -> None:
         """Encode what waits, end the chunk when it is old enough, and let the disk have it."""
         for _ in range(self._queue.qsize()):
+            if self._stopped:
+                return
             self._take(self._queue.get())
         self._tell_gap()
         if now_ns - self._chunk_began_ns >= CHUNK_NS - WAKE_S * 1e9:
@@ -156,6 +169,33 @@ class Recorder:
                 self._file.add(record)
         else:
             self._count_lost(item)
+        if not isinstance(item, LaserBytes) and len(item) == 5:
+            self._obey(*item[:2])
+
+    def _obey(self, tick: Tick, estimate: Estimate) -> None:
+        """Do what the tick's events ask for, now that they are in the record."""
+        if estimate.landmarks is not None:
+            self._landmarks = (estimate.stamp_ns, estimate.landmarks)
+        for event in tick.events:
+            match asked(event):
+                case Command.MARK:
+                    self._file.mark(event.reason)
+                case Command.SAVE:
+                    self._file.end_segment()
+                    self._chunk_began_ns = 0  # so that the disk gets it now
+                    self._save_map()
+                case Command.STOP:
+                    self._stopped = True
+
+    def _save_map(self) -> None:
+        if self._landmarks is None:
+            return
+        stamp_ns, landmarks = self._landmarks
+        try:
+            self._folder.write(self._folder.map_path, landmark_json(landmarks, stamp_ns).decode() + "\n")
+            self._troubles["map"] = ""
+        except StorageError as error:
+            self._troubles["map"] = str(error)
 
     def _count_lost(self, item: Item) -> None:
         if isinstance(item, LaserBytes) or len(item) == 4:

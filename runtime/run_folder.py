@@ -88,6 +88,11 @@ class RunFolder:
         return self.path / "marks"
 
     @property
+    def map_path(self) -> Path:
+        """The landmarks as they were when someone said save."""
+        return self.path / "map.json"
+
+    @property
     def review_path(self) -> Path:
         """The same for eyes; can be made again."""
         return self.path / "review.rrd"

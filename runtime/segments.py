@@ -34,7 +34,7 @@ class Segments:
         self._unwritten: list[Record] = []  # in the file at hand, but not taken by the disk
         self._held: list[Record] = []  # for the next file
         self._held_bytes = 0
-        self._finished = self._ending = self._unsafe = False
+        self._finished = self._ending = self._unsafe = self._asked_to_end = False
         self._told_gone = False
         self._file: RecordFile | None = None
         self._begin(*self._create())
@@ -49,6 +49,11 @@ class Segments:
         now_ns = self._now_ns()
         facts = {"from_ns": now_ns - self._segment_ns, "to_ns": now_ns + self._segment_ns}
         self.manifest.add("mark", stamp_ns=now_ns, **facts, reason=reason)
+
+    def end_segment(self) -> None:
+        """Let the next write close the segment at hand, however young it is, and begin another."""
+        self.end_chunk()
+        self._asked_to_end = True
 
     def add(self, record: Record) -> None:
         """Into the chunk at hand; while a segment is being closed, into the next one."""
@@ -78,7 +83,8 @@ class Segments:
         file.write()
         if not self._finished:
             self._unwritten.clear()
-            if self._ending or self._unsafe or self._now_ns() - self._opened_ns >= self._segment_ns:
+            old = self._now_ns() - self._opened_ns >= self._segment_ns
+            if self._ending or self._unsafe or self._asked_to_end or old:
                 file.finish()
                 self._finished = True
         if self._finished:
@@ -130,7 +136,7 @@ class Segments:
         self._opened_ns = self._now_ns()
         self._first_ns, self._last_ns = FAR_NS, 0
         self._ticks = self._raw = 0
-        self._finished = self._unsafe = False
+        self._finished = self._unsafe = self._asked_to_end = False
         held, self._held, self._held_bytes = self._held, [], 0
         for record in held:
             self._put(file, record)

@@ -17,9 +17,15 @@ RETRY = "{period_init_ms:500,period_max_ms:1000,period_increase_factor:2}"
 def rover_config(settings: PublishSettings, listen: Sequence[str]) -> zenoh.Config:
     """A peer: it never waits for a router to be there, and connects to it whenever it comes.
 
-    Raises ConfigurationError when the settings' file cannot be used.
+    Raises ConfigurationError when the settings' file cannot be used, or says nothing of access where commands are on.
     """
-    config = _from_file(settings.config_file) if settings.config_file is not None else _silent_config()
+    named = settings.config_file
+    config = _from_file("publish.config_file", named) if named is not None else _silent_config()
+    if settings.commands and config.get_json("access_control/enabled") != "true":
+        raise ConfigurationError(
+            f"publish.commands = True: expected access_control.enabled: true in {settings.config_file}, so that not "
+            "everyone commands; see config/zenoh-rover.json5, or leave commands off"
+        )
     config.insert_json5("mode", '"peer"')
     config.insert_json5("listen/endpoints", json.dumps(list(listen)))
     config.insert_json5("connect/endpoints", json.dumps(list(settings.connect)))
@@ -36,7 +42,7 @@ def tool_config(endpoint: str, config_file: str | None = None) -> zenoh.Config:
 
     config_file: zenoh configuration to start from, for certificates. Raises ConfigurationError.
     """
-    config = _from_file(config_file) if config_file is not None else _silent_config()
+    config = _from_file("--zenoh", config_file) if config_file is not None else _silent_config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     config.insert_json5("connect/retry", RETRY)
@@ -77,10 +83,10 @@ def _silent_config() -> zenoh.Config:
     return config
 
 
-def _from_file(path: str) -> zenoh.Config:
+def _from_file(key: str, path: str) -> zenoh.Config:
     if not Path(path).is_file():
-        raise ConfigurationError(f"publish.config_file = {path!r}: no such file; give a zenoh configuration in JSON5")
+        raise ConfigurationError(f"{key} = {path!r}: no such file; give a zenoh configuration in JSON5")
     try:
         return zenoh.Config.from_file(path)
     except zenoh.ZError as error:
-        raise ConfigurationError(f"publish.config_file = {path!r}: {short_reason(error)}; mend the file") from error
+        raise ConfigurationError(f"{key} = {path!r}: {short_reason(error)}; mend the file") from error

@@ -1,65 +1,28 @@
 """The fleet's router lets each rover say what is its own, and nobody in without a certificate."""
 
 import json
-import subprocess
 from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
 
 import pytest
 import zenoh
 
 from runtime.status import fetch_status
 from tests.runtime.ros_types import PoseWithCovarianceStamped, read
-from tests.runtime.zenoh_wire import ROOT, free_port, publishing, put_ticks, settings_on, until
-
-CONFIG = ROOT / "config"
-
-
-@dataclass(frozen=True)
-class Fleet:
-    """A router that is up, and where it is."""
-
-    certificates: Path
-    endpoint: str
-
-    def file(self, name: str) -> Path:
-        """config/zenoh-rover.json5 with the certificates of this name."""
-        text = (CONFIG / "zenoh-rover.json5").read_text()
-        text = text.replace("/etc/infant/zenoh/rover1", f"{self.certificates}/{name}")
-        path = self.certificates / f"{name}.json5"
-        path.write_text(text.replace("/etc/infant/zenoh", str(self.certificates)))
-        return path
-
-    def client(self, name: str) -> zenoh.Session:
-        config = zenoh.Config.from_file(str(self.file(name)))
-        config.insert_json5("mode", '"client"')
-        config.insert_json5("connect/endpoints", json.dumps([self.endpoint]))
-        return zenoh.open(config)
+from tests.runtime.zenoh_fleet import Fleet, running_fleet
+from tests.runtime.zenoh_wire import publishing, put_ticks, until
 
 
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
-    folder = tmp_path_factory.mktemp("ca")
-    subprocess.run([CONFIG / "make-test-ca.sh", folder], check=True)
-    subprocess.run([CONFIG / "make-test-ca.sh", folder / "strangers", "rover1"], check=True)
-    text = (CONFIG / "zenoh-fleet.json5").read_text().replace("/etc/infant/zenoh", str(folder))
-    path = folder / "fleet.json5"
-    port = free_port()
-    path.write_text(text.replace("0.0.0.0:7447", f"127.0.0.1:{port}"))
-    with zenoh.open(zenoh.Config.from_file(str(path))):
-        yield Fleet(folder, f"tls/127.0.0.1:{port}")
+    with running_fleet(tmp_path_factory.mktemp("ca")) as fleet:
+        yield fleet
 
 
 def test_a_viewer_hears_each_rover_under_its_own_name(fleet: Fleet) -> None:
-    settings = {
-        name: settings_on(free_port(), listen=(), connect=(fleet.endpoint,), config_file=str(fleet.file(name)))
-        for name in ("rover1", "rover2")
-    }
     with (
         fleet.client("viewer") as viewer,
-        publishing(settings["rover1"], "rover1") as first,
-        publishing(settings["rover2"], "rover2") as second,
+        publishing(fleet.rover_settings("rover1"), "rover1") as first,
+        publishing(fleet.rover_settings("rover2"), "rover2") as second,
     ):
         subscriber = viewer.declare_subscriber("infant/*/pose", zenoh.handlers.FifoChannel(1000))
         heard: dict[str, bytes] = {}
@@ -73,7 +36,7 @@ def test_a_viewer_hears_each_rover_under_its_own_name(fleet: Fleet) -> None:
 
         assert until(both), heard.keys()
         assert until(lambda: any(reply.ok for reply in viewer.get("infant/rover1/status", timeout=1.0)))
-        assert [status["rover"] for status in fetch_status([fleet.endpoint], 1.0, str(fleet.file("viewer")))] == [
+        assert [status["rover"] for status in fetch_status([fleet.endpoint], 1.0, str(fleet.tool_file("viewer")))] == [
             "rover1",
             "rover2",
         ]
