@@ -2,6 +2,7 @@
 
 import os
 import sys
+import traceback
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: other thread counts change bits and cost the loop
 os.environ.setdefault("RERUN_ANALYTICS", "off")
@@ -12,7 +13,7 @@ use_compile_cache(os.environ)  # before numba
 
 import typer
 
-from runtime import cli_command, cli_live, cli_log, cli_paper, cli_runs, cli_study
+from runtime import cli_command, cli_install, cli_live, cli_log, cli_paper, cli_runs, cli_study
 from runtime.errors import InfantError
 
 app = typer.Typer(
@@ -23,6 +24,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 cli_live.register(app)
+cli_install.register(app)
 cli_runs.register(app)
 cli_log.register(app)
 cli_command.register(app)
@@ -31,12 +33,18 @@ cli_paper.register(app)
 
 
 def main() -> None:
-    """Entry point of the console script; an error of the family ends with its sentence and its exit code."""
+    """Entry point of the console script; an error of the family ends with its sentence and its exit code.
+
+    Anything else is a defect of ours: its traceback is shown, and the exit code is 70.
+    """
     try:
         app()
     except InfantError as error:
         print(f"infant: {error}", file=sys.stderr)
         sys.exit(error.exit_code)
+    except Exception:  # noqa: BLE001 the service manager has to tell a defect from the rest
+        traceback.print_exc()
+        sys.exit(InfantError.exit_code)
 
 
 if __name__ == "__main__":

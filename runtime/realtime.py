@@ -37,7 +37,8 @@ def enter_real_time(priority: int) -> tuple[str, ...]:
 def leave_real_time() -> None:
     """Ordinary scheduling again, for the summary and the shutdown."""
     if os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO:
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        # without privileges the flag cannot be taken back: the kernel refuses (EPERM) whoever clears it
+        os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
     ctypes.CDLL(None).munlockall()
     gc.enable()
 
