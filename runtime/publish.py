@@ -1,5 +1,6 @@
 """The sink that tells the world where the rover is: a bounded queue and one thread between the loop and the network."""
 
+import atexit
 import queue
 import threading
 import time
@@ -20,6 +21,7 @@ from slam.pose import Pose2
 
 REOPEN_S = 5.0
 CLOSE_S = 3.0
+LEAVE_S = 12.0  # towards a peer that has stopped reading zenoh takes 10 s to say goodbye
 
 
 class ZenohPublisher:
@@ -54,6 +56,7 @@ class ZenohPublisher:
         if settings.enabled:
             rover_config(settings, settings.listen)  # a file that cannot be used stops the start, not the thread
             warm_up()
+            atexit.register(self._leave)
             self._thread.start()
 
     def put(
@@ -98,6 +101,14 @@ class ZenohPublisher:
         self._stop.set()
         self._queue.put(None)
         self._thread.join(CLOSE_S)
+        if not self._thread.is_alive():
+            atexit.unregister(self._leave)
+
+    def _leave(self) -> None:
+        """Close before the interpreter ends, whoever forgot to: a thread of zenoh's that then asks for it aborts."""
+        self._stop.set()
+        self._queue.put(None)
+        self._thread.join(LEAVE_S)
 
     def _run(self) -> None:
         """Own the session from opening to closing; one that cannot be opened is tried again every 5 s."""

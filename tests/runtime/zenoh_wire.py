@@ -97,10 +97,19 @@ class Listener:
 
 
 @contextmanager
-def listening(endpoint: str, key: str) -> Iterator[Listener]:
-    listener = Listener(endpoint, key)
+def listening(endpoint: str, key: str, seconds: float = 20.0) -> Iterator[Listener]:
+    listener = Listener(endpoint, key, seconds)
     try:
         assert listener.ready.wait(20.0), "the listener did not come up"
         yield listener
     finally:
         listener.close()
+
+
+def start_module(module: str, *arguments: str) -> "subprocess.Popen[bytes]":
+    """A module of the tests in a process of its own, once it has said that it is ready."""
+    process = subprocess.Popen([sys.executable, "-m", module, *arguments], cwd=ROOT, stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    with process.stdout as said:
+        assert said.readline() == b"ready\n"
+    return process
