@@ -49,13 +49,15 @@ class LaserJournal:
         self.counters: Counter[str] = Counter()
         self.trouble = ""
 
-    def count(self, counter: str, amount: int = 1) -> None:
+    def count(self, counter: str) -> None:
         """Add to a counter without an event."""
-        self.counters[counter] += amount
+        self.counters[counter] += 1
 
-    def note(self, stamp_ns: int, kind: str, reason: str, severity: Severity = Severity.INFO) -> None:
+    def note(
+        self, stamp_ns: int, kind: str, reason: str, severity: Severity = Severity.INFO, amount: int = 1
+    ) -> None:
         """Count `kind` and tell of it; the same kind again within a second is only counted."""
-        self.counters[kind] += 1
+        self.counters[kind] += amount
         if severity is not Severity.INFO:
             self.trouble = reason
             if self._around is not None:

@@ -185,7 +185,8 @@ class ScanAssembly:
         if self.last_stamp_ns is not None:
             missed = round((stamp_ns - self.last_stamp_ns) * 1e-9 / self.period_s) - 1
             if missed > 0:
-                self._journal.count("dropped_scans", missed)
+                text = f"{missed} scan(s) missing before this one"
+                self._journal.note(arrival_ns, "dropped_scans", text, Severity.WARN, missed)
         self._arrivals.append(arrival_ns)
         span_ns = self._arrivals[-1] - self._arrivals[0]
         if span_ns > 0:  # two scans that came in one read arrived at the same time
