@@ -37,9 +37,15 @@ class CanEncoders:
     """
 
     def __init__(
-        self, settings: EncoderSettings, now_ns: Callable[[], int], tap: RawTap | None = None
+        self,
+        settings: EncoderSettings,
+        now_ns: Callable[[], int],
+        tap: RawTap | None = None,
+        alive: Callable[[], None] = lambda: None,
     ) -> None:
+        """alive: called by the thread whenever it gets round, at least every few seconds."""
         self._settings = settings
+        self._alive = alive
         self._now_ns = now_ns
         self._tap = tap
         self._events = EventLog("encoders")
@@ -136,12 +142,17 @@ class CanEncoders:
             )
         return SensorState.FRESH, "both wheels are heard"
 
+    def _is_stopping(self) -> bool:
+        """Asked by the thread wherever it waits, which is its sign of life."""
+        self._alive()
+        return self._stop.is_set()
+
     def _run(self) -> None:
         """Open, read until the bus fails, open again with back-off; for as long as the rover runs."""
         bus_settings = self._settings.bus
         wait_s, silence_s = bus_settings.backoff_min_s, bus_settings.silence_s
         clock = ArrivalClock()
-        while not self._stop.is_set():
+        while not self._is_stopping():
             try:
                 bus = CanBus(bus_settings, self._frames.ids, self._now_ns, clock)
             except LinkError as error:
@@ -169,7 +180,7 @@ class CanEncoders:
         heard, errors, jumps = False, 0, bus.clock_jumps
         last_ns = self._now_ns()
         self._wake_up(bus)
-        while not self._stop.is_set():
+        while not self._is_stopping():
             try:
                 frame = bus.receive(WAIT_S)
             except BusReadError as error:

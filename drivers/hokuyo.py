@@ -49,8 +49,16 @@ SILENT_PERIODS = 3.0
 class Hokuyo:
     """A Laser (see measurements) that speaks SCIP over TCP or a serial port; one use: start() once, close() once."""
 
-    def __init__(self, settings: LaserSettings, now_ns: Callable[[], int], tap: RawTap | None = None) -> None:
+    def __init__(
+        self,
+        settings: LaserSettings,
+        now_ns: Callable[[], int],
+        tap: RawTap | None = None,
+        alive: Callable[[], None] = lambda: None,
+    ) -> None:
+        """alive: called by the thread whenever it gets round, at least every few seconds."""
         self._settings = settings
+        self._alive = alive
         self._now_ns = now_ns
         around = AroundErrors(tap) if tap is not None and settings.raw == "around_errors" else None
         self._tap = around if around is not None else tap
@@ -58,7 +66,7 @@ class Hokuyo:
         self._clock = LaserClock(settings.drift_max_ppm)
         self._range_codes: dict[str, int] = {}
         self._stop = threading.Event()
-        self._connector = LaserConnector(settings, self._tap, now_ns, self._stop.is_set, self._journal)
+        self._connector = LaserConnector(settings, self._tap, now_ns, self._is_stopping, self._journal)
         self._thread = threading.Thread(target=self._run, name="laser", daemon=True)
         self._fresh: Scan | None = None
         self._lock = threading.Lock()
@@ -126,10 +134,15 @@ class Hokuyo:
             facts |= {name: told[key] for key, name in names.items() if key in told}
         return facts
 
+    def _is_stopping(self) -> bool:
+        """Asked by the thread wherever it waits, which is its sign of life."""
+        self._alive()
+        return self._stop.is_set()
+
     def _run(self) -> None:
         """Connect for ever, waiting longer after each failure in a row."""
         wait_s = self._settings.retry_min_s
-        while not self._stop.is_set():
+        while not self._is_stopping():
             before_ns = self._last_scan_ns
             try:
                 self._serve()
@@ -222,7 +235,7 @@ class Hokuyo:
         silence_ns = round(max(self._settings.silence_s, SILENT_PERIODS * assembly.period_s) * 1e9)
         alive_ns = self._now_ns()
         bytes_before = talk.received_bytes
-        while not self._stop.is_set():
+        while not self._is_stopping():
             waited_ns = self._now_ns() - alive_ns
             if waited_ns >= silence_ns:
                 self._note_silence(talk.received_bytes > bytes_before, silence_ns)

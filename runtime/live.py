@@ -8,7 +8,7 @@ from runtime.clock import Clock
 from runtime.config import Configuration
 from runtime.health import Health, HealthMonitor
 from runtime.loop import Loop
-from runtime.notify import ServiceManager
+from runtime.notify import ServiceManager, WatchdogFeed
 from runtime.realtime import enter_real_time, freeze_garbage, leave_real_time
 from runtime.run_folder import RunFolder
 from runtime.status_line import StatusLine, status_text
@@ -38,9 +38,10 @@ def drive(
     status = StatusLine(stream)
     errors = ErrorTrack()
     beats_per_s = max(1, round(configuration.loop.rate_hz))
+    feed = WatchdogFeed(manager, stream)
 
     def watch(tick: Tick, estimate: Estimate, timing: Timing, health: Health) -> None:
-        manager.completed_tick()
+        feed.completed_tick(parts.threads.stuck())
         if tick.seq % beats_per_s == 0:
             manager.status(status_text(tick, estimate, timing, health, configuration.loop.rate_hz))
         parts.publisher.note_health(health)

@@ -2,6 +2,7 @@
 
 import os
 import socket
+from typing import TextIO
 
 
 class ServiceManager:
@@ -45,3 +46,22 @@ class ServiceManager:
             self._socket.sendto(message.encode(), self._address)
         except OSError:
             return  # no one listens: there is nothing to tell it to
+
+
+class WatchdogFeed:
+    """The only one who feeds the watchdog: the loop's thread, after a tick, and while no other thread hangs."""
+
+    def __init__(self, manager: ServiceManager, stream: TextIO) -> None:
+        self._manager = manager
+        self._stream = stream
+        self._told = ""
+
+    def completed_tick(self, stuck: str) -> None:
+        """A tick has ended; stuck: the threads that hang, as ThreadWatch names them, empty if none does."""
+        if not stuck:
+            self._manager.completed_tick()
+            self._told = ""
+        elif not self._told:
+            self._told = stuck
+            self._stream.write(f"infant: {stuck}; the watchdog is not fed any more and will restart the service\n")
+            self._stream.flush()

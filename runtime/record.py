@@ -18,6 +18,7 @@ from runtime.ros_messages import encode_can_frame, encode_events
 from runtime.run_folder import RunFolder
 from runtime.run_header import RunHeader
 from runtime.segments import Segments
+from runtime.thread_watch import no_sign
 from runtime.tick import SinkHealth, Tick, Timing
 from runtime.tick_records import tick_records, warm_up
 from slam.estimate import Estimate, LandmarkMap
@@ -31,6 +32,7 @@ SYNC_NS = 1_000_000_000
 ROOM_NS = 5_000_000_000
 RETRY_NS = 500_000_000
 CLOSE_S = 2.0
+SLOW_DISK_S = 2.0  # a card that clears a block takes one
 STOPPED = "the recording was stopped by command"
 
 TickItem = tuple[Tick, Estimate, Timing, bytes, Pose2 | None]
@@ -53,8 +55,9 @@ class Recorder:
         tee: Callable[[Record], None] | None = None,
         now_ns: Callable[[], int] = time.monotonic_ns,
         settings: RecordSettings | None = None,
+        alive: Callable[[], None] = no_sign,
     ) -> None:
-        """Make the file and write its head. Raises StorageError."""
+        """Make the file and write its head. alive: called whenever the thread gets round. Raises StorageError."""
         warm_up()
         folder.write_configuration(configuration_toml)
         self._folder = folder
@@ -72,6 +75,8 @@ class Recorder:
         self._stopped = False  # by command
         self._landmarks: tuple[int, LandmarkMap] | None = None
         self._is_full = False
+        self._alive = alive
+        self._at_disk_ns: int | None = None  # since when the thread waits for it
         self._chunk_began_ns = self._synced_ns = self._tried_ns = self._room_ns = now_ns()
         self._write(self._tried_ns)
         if self._troubles["write"]:
@@ -111,10 +116,18 @@ class Recorder:
         return SinkHealth(self._queue.qsize(), self._dropped_ticks + self._dropped_raw, self._trouble)
 
     @property
+    def is_excused(self) -> bool:
+        """Whether the thread may be silent: it waits for the disk, or was told to end. A restart mends neither."""
+        return self._at_disk_ns is not None or self._stopped
+
+    @property
     def _trouble(self) -> str:
         if not self._thread.is_alive() and not self._stop.is_set() and not self._stopped:
             return "the recorder's thread has ended; nothing is written any more"
-        return "; ".join(filter(None, (STOPPED if self._stopped else "", *self._troubles.values())))
+        at_disk_ns = self._at_disk_ns
+        waited_s = 0.0 if at_disk_ns is None else (self._now_ns() - at_disk_ns) * 1e-9
+        waits = f"the disk has not answered for {waited_s:.0f} s" if waited_s > SLOW_DISK_S else ""
+        return "; ".join(filter(None, (STOPPED if self._stopped else "", waits, *self._troubles.values())))
 
     def close(self) -> None:
         """Write what is queued and the index; at most 2 s, after which the file has no index but can be read."""
@@ -123,6 +136,7 @@ class Recorder:
 
     def _run(self) -> None:
         while not self._stopped and not self._stop.wait(WAKE_S):
+            self._alive()
             self._drain(self._now_ns())
         self._drain(self._now_ns())
         self._file.finish()
@@ -141,6 +155,13 @@ class Recorder:
                 return
             self._take(self._queue.get())
         self._tell_gap()
+        self._at_disk_ns = now_ns
+        try:
+            self._visit_disk(now_ns)
+        finally:
+            self._at_disk_ns = None
+
+    def _visit_disk(self, now_ns: int) -> None:
         if now_ns - self._chunk_began_ns >= CHUNK_NS - WAKE_S * 1e9:
             self._file.end_chunk()
             self._chunk_began_ns = now_ns

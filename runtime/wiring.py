@@ -14,6 +14,7 @@ from runtime.review_process import ReviewProcess
 from runtime.run_folder import RunFolder
 from runtime.run_header import installed_versions
 from runtime.simulation import SimulatedRover
+from runtime.thread_watch import ThreadWatch
 from runtime.tick import Sink
 from slam.pose import Pose2
 
@@ -27,11 +28,13 @@ class Parts:
     sinks: dict[str, Sink]
     publisher: ZenohPublisher
     rover: SimulatedRover | None
+    threads: ThreadWatch
 
     def start(self) -> None:
         """Begin to connect; nothing waits for a sensor to answer."""
         self.laser.start()
         self.encoders.start()
+        self.threads.begin()
 
     def drive(self, start_ns: int) -> None:
         """Let a simulated world begin with the loop; a real one has begun long ago."""
@@ -68,9 +71,12 @@ def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock) ->
     if configuration.review.live:
         review = ReviewProcess(folder.review_path, configuration.review, configuration.slam.mount.as_pose())
     tee = review.feed if review is not None else None
+    threads = ThreadWatch(clock.now_ns)
     recorder = Recorder(
-        folder, configuration.text, installed_versions(), tee, clock.now_ns, settings=configuration.record
-    )
+        folder, configuration.text, installed_versions(), tee, clock.now_ns, configuration.record,
+        alive=threads.sign("recorder"),
+    )  # fmt: skip
+    threads.excuse("recorder", lambda: recorder.is_excused)
     publisher = ZenohPublisher(configuration.publish, configuration.rover, configuration_text=configuration.text)
     sinks: dict[str, Sink] = {"record": recorder, "publish": publisher}
     if review is not None:
@@ -78,6 +84,7 @@ def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock) ->
     tap = recorder if configuration.record.raw else None
     if not configuration.record.raw:  # still the last and next two seconds around an error of the laser
         laser = laser.model_copy(update={"raw": "around_errors"})
-    wheels = CanEncoders(encoders, clock.now_ns, tap)
-    return Parts(Hokuyo(laser, clock.now_ns, recorder), wheels, sinks, publisher, rover)
+    eyes = Hokuyo(laser, clock.now_ns, recorder, alive=threads.sign("laser", laser.retry_max_s))
+    wheels = CanEncoders(encoders, clock.now_ns, tap, alive=threads.sign("encoders", encoders.bus.backoff_max_s))
+    return Parts(eyes, wheels, sinks, publisher, rover, threads)
 
