@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.estimate import LandmarkMap
-from slam.joint_association import PENDING, Gates, associate, follow
+from slam.evidence import Evidence, weigh
+from slam.joint_association import PENDING, Gates, follow
 from slam.joint_atlas import AWAY
 from slam.joint_kernels import predict, update
 from slam.joint_measurement import FIRST_PLACE
-from slam.joint_neighbours import block, neighbour_distances, overdue, places_within
+from slam.joint_neighbours import block, overdue, places_within
 from slam.joint_settings import JointSettings
+from slam.joint_slip import associate_with_slip
 from slam.joint_state import JointState
 from slam.landmark_filter import sensor_pose
 from slam.observations import Features, MatchVerdict
@@ -25,6 +27,7 @@ from slam.tuning import Tuning
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 IDENTITIES_PER_SCAN = 4096  # as in the particles' maps, so that identities of both can be compared
 NO_SIGHT = np.zeros(3)
@@ -46,6 +49,7 @@ class JointGaussian:
         self._jump = np.zeros(2)
         self.scans = 0
         self.refused = 0
+        self.evidence = Evidence()
 
     @property
     def map_from_body(self) -> Pose2:
@@ -82,6 +86,7 @@ class JointGaussian:
         features: Features,
         hints: IntArray,
         sight: FloatArray = NO_SIGHT,
+        settled_before: int = 0,
     ) -> IntArray:
         """One scan; increment (3,) and (3, 3) since the last one in the body frame of then.
 
@@ -98,6 +103,7 @@ class JointGaussian:
         sensor = sensor_pose(state.mean, self._mount)
         places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
         chosen = self._associate(rows, features.identities[usable], hints[usable], places)
+        self.evidence = self._weigh(rows, chosen, places, sight, settled_before)
         matched = np.flatnonzero(chosen >= 0)
         self._update(places[chosen[matched]], rows[matched])
         verdicts = np.full(len(features), int(MatchVerdict.OUT_OF_RANGE), dtype=np.int64)
@@ -146,10 +152,7 @@ class JointGaussian:
         return np.flatnonzero(usable)[:IDENTITIES_PER_SCAN]
 
     def _associate(self, rows: FloatArray, identities: IntArray, hints: IntArray, places: IntArray) -> IntArray:
-        settings = self._settings
-        chosen = np.full(len(rows), PENDING, dtype=np.int64)
-        order = np.argsort(rows[:, 0], kind="stable")
-        mean, covariance = block(self._state.mean, self._state.covariance, places)
+        settings, state = self._settings, self._state
         told = identities if (identities >= 0).any() else hints if settings.association == "particles" else None
         if told is None:
             gates = Gates(
@@ -158,13 +161,33 @@ class JointGaussian:
                 settings.match_widest_square,
                 settings.create_square,
             )
-            nearest = neighbour_distances(self._state.mean, self._state.size, places)
-            associate(mean, covariance, self._mount, nearest, rows, order, gates, chosen)
-            return chosen
+            old = self._settled(places, self.scans - settings.settled_scans)
+            return associate_with_slip(
+                state.mean, state.covariance, state.size, self._mount, places, old, rows, gates, settings.slip_square
+            )
+        order = np.argsort(rows[:, 0], kind="stable")
+        mean, covariance = block(state.mean, state.covariance, places)
         gate = settings.match_known_square if told is identities else settings.match_widest_square
-        theirs = self._state.atlas.identities[self._state.rows_at(places)]
+        theirs = state.atlas.identities[state.rows_at(places)]
+        chosen = np.full(len(rows), PENDING, dtype=np.int64)
         follow(mean, covariance, self._mount, theirs, rows, order, told, gate, chosen)
         return chosen
+
+    def _weigh(
+        self, rows: FloatArray, chosen: IntArray, places: IntArray, sight: FloatArray, settled_before: int
+    ) -> Evidence:
+        """What the scan says about the pose, by landmarks that were confirmed and made before this scan's number."""
+        state = self._state
+        settled = self._settled(places, settled_before)
+        return weigh(
+            state.mean, state.covariance, self._mount, places, settled, rows, chosen, sight, self._tuning
+        )
+
+    def _settled(self, places: IntArray, before: int) -> BoolArray:
+        """(k,) which landmarks were made before this scan's number and are likelier real than not."""
+        near, atlas = self._state.rows_at(places), self._state.atlas
+        settled: BoolArray = (atlas.identities[near] < before * IDENTITIES_PER_SCAN) & (atlas.log_odds[near] >= 0.0)
+        return settled
 
     def _update(self, places: IntArray, rows: FloatArray) -> None:
         if len(places) == 0:

@@ -16,6 +16,7 @@ from slam.joint_measurement import FIRST_PLACE, fold, innovation_covariance, slo
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 NEW, UNLICENSED, AMBIGUOUS, EXCLUDED = -1, -2, -3, -4
 PENDING = -100
@@ -139,3 +140,36 @@ def follow(
                 chosen[feature] = landmark
                 used[landmark] = True
                 break
+
+
+@kernel
+def nearest_old(
+    mean: FloatArray,
+    covariance: FloatArray,
+    mount: FloatArray,
+    places: IntArray,
+    old: BoolArray,
+    features: FloatArray,
+    gate: float,
+    best: IntArray,
+    squares: FloatArray,
+) -> None:
+    """Fill best (K,) with the nearest of the old (k,) landmarks at places (k,) within the gate, -1 where there is none.
+
+    squares (K,): its squared Mahalanobis distance before anything of the scan is folded in, else inf.
+    """
+    best[:] = -1
+    squares[:] = math.inf
+    for feature in range(features.shape[0]):
+        for landmark in range(places.size):
+            if old[landmark]:
+                square, _ = distance_to(mean, covariance, mount, places[landmark], features[feature])
+                if square <= gate and square < squares[feature]:
+                    best[feature], squares[feature] = landmark, square
+
+
+@kernel
+def presume(mean: FloatArray, covariance: FloatArray, mount: FloatArray, landmark: int, feature: FloatArray) -> None:
+    """Fold one feature of this landmark into mean (6 + 2 L,) and covariance, whatever the distance."""
+    at = FIRST_PLACE + 2 * landmark
+    fold(mean, covariance, at, slopes(mean, mount, mean[at], mean[at + 1]), feature, np.empty((2, mean.size)))

@@ -37,11 +37,18 @@ class JointSettings(BaseModel):
     match_known_square: float = Field(
         50.0, ge=0, le=1e6, description="gate where the sensor reports identities; it misreads a few"
     )
+    slip_square: float = Field(
+        100.0, ge=0, le=1e6,
+        description="gate within which an old landmark is looked for when most are not where the wheels say",
+    )  # fmt: skip
     create_square: float = Field(
         25.0, ge=0, le=1e6, description="a feature nearer than this to a landmark creates none: it may be that landmark"
     )
     confirmed_log_odds: float = Field(
         3.0, ge=-50, le=100, description="a landmark that leaves the view below this is forgotten: a chance point"
+    )
+    settled_scans: int = Field(
+        30, ge=1, le=100_000, description="scans after which a landmark is an old one: a walker has gone by then"
     )
     landmarks_in_state: int = Field(
         96,

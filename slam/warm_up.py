@@ -16,6 +16,8 @@ from drivers.measurements import (
     uniform_bearings,
 )
 from slam.joint import JointGaussian
+from slam.joint_association import presume
+from slam.joint_measurement import FIRST_PLACE
 from slam.observations import Features
 from slam.settings import SlamSettings
 
@@ -64,6 +66,8 @@ def warm_up_window(joint: JointGaussian) -> None:
             joint.step(np.zeros(3), np.zeros((3, 3)), _features(len(RINGS_M)), hints)
     for _ in range(AT_A_STOP):
         joint.step(np.zeros(3), np.zeros((3, 3)), _features(0), hints[:0])
+    mean = np.concatenate((np.zeros(FIRST_PLACE), (4.0, 0.0)))
+    presume(mean, np.eye(len(mean)), np.zeros(3), 0, np.array((4.0, 0.0, 1e-3, 0.0, 1e-4, 1.0)))
 
 
 def _features(count: int) -> Features:
