@@ -4,6 +4,8 @@ import os
 import socket
 from typing import TextIO
 
+STOP_US = 20_000_000  # TimeoutStopSec of the unit: sensors, record and review each have some seconds to end well
+
 
 class ServiceManager:
     """Sends to $NOTIFY_SOCKET, whose value the command line passes in; empty means there is none.
@@ -30,8 +32,8 @@ class ServiceManager:
         self._send(f"STATUS={text}")
 
     def stopping(self) -> None:
-        """The shutdown has begun."""
-        self._send("STOPPING=1")
+        """The shutdown has begun: no tick feeds the watchdog any more, which would end us before all is written."""
+        self._send(f"STOPPING=1\nWATCHDOG_USEC={STOP_US}")
 
     def close(self) -> None:
         """Release the socket."""

@@ -18,18 +18,19 @@ def enter_real_time(priority: int) -> tuple[str, ...]:
     refusals = []
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     if priority > 0:
+        libc = ctypes.CDLL(None, use_errno=True)
+        # before the priority: locking a GB takes longer than LimitRTTIME lets a real-time thread go without a pause
+        if libc.mlockall(MCL_CURRENT_AND_FUTURE) != 0:
+            refusals.append(
+                f"memory is not locked ({os.strerror(ctypes.get_errno())}): page faults can delay a tick; "
+                "set LimitMEMLOCK=infinity"
+            )
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
         except OSError as error:
             refusals.append(
                 f"no real-time priority ({error.strerror}): the loop runs at ordinary priority; "
                 "run as a service with LimitRTPRIO=60 or as root"
-            )
-        libc = ctypes.CDLL(None, use_errno=True)
-        if libc.mlockall(MCL_CURRENT_AND_FUTURE) != 0:
-            refusals.append(
-                f"memory is not locked ({os.strerror(ctypes.get_errno())}): page faults can delay a tick; "
-                "set LimitMEMLOCK=infinity"
             )
     return tuple(refusals)
 

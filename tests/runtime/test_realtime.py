@@ -33,6 +33,24 @@ def test_a_user_without_privileges_returns_from_real_time(monkeypatch: pytest.Mo
     assert user.policy & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
 
 
+def test_memory_is_locked_before_the_priority_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    order: list[str] = []
+
+    class Library:
+        def mlockall(self, _flags: int) -> int:
+            order.append("memory")
+            return 0
+
+        def munlockall(self) -> int:
+            return 0
+
+    monkeypatch.setattr("runtime.realtime.ctypes.CDLL", lambda *_names, **_options: Library())
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *_arguments: order.append("priority"))
+    assert enter_real_time(50) == ()
+    leave_real_time()
+    assert order[:2] == ["memory", "priority"]
+
+
 def test_a_refusal_is_one_sentence_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_arguments: object) -> None:
         raise PermissionError(1, "Operation not permitted")

@@ -106,6 +106,19 @@ def test_a_tick_feeds_the_watchdog_unless_a_thread_hangs_which_is_said_once(tmp_
         manager.close()
 
 
+def test_a_shutdown_may_take_longer_than_the_watchdog_waits(tmp_path: Path) -> None:
+    unit = (Path(__file__).parents[2] / "systemd" / "infant.service").read_text()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager_end:
+        manager_end.bind(str(tmp_path / "notify"))
+        manager_end.settimeout(5.0)
+        manager = ServiceManager(str(tmp_path / "notify"))
+        manager.stopping()
+        told = dict(line.split("=") for line in manager_end.recv(200).decode().splitlines())
+        assert told["STOPPING"] == "1"
+        assert f"TimeoutStopSec={int(told['WATCHDOG_USEC']) // 1_000_000}s" in unit.splitlines()
+        manager.close()
+
+
 def test_the_lasers_thread_gives_signs_while_nobody_answers() -> None:
     sign = Sign()
     laser = Hokuyo(LaserSettings(url="tcp://127.0.0.1:9", retry_max_s=0.1), lambda: 0, alive=sign)
