@@ -74,7 +74,7 @@ class Hokuyo:
         self._assembly: ScanAssembly | None = None
         self._device: Device | None = None
         self._fault = ""
-        self._known: set[str] = set()
+        self._told: dict[str, str] = {}  # what was told once, by kind
 
     def start(self) -> None:
         """Begin to connect, in a thread of its own."""
@@ -132,6 +132,8 @@ class Hokuyo:
             names = {"FIRM": "firmware", "SERI": "serial_number", "PROT": "protocol", "STAT": "state", "MESM": "mode"}
             told = device.version | device.state
             facts |= {name: told[key] for key, name in names.items() if key in told}
+        if self._told:
+            facts["advice"] = "; ".join(self._told.values())
         return facts
 
     def _is_stopping(self) -> bool:
@@ -192,9 +194,9 @@ class Hokuyo:
         device = describe(talk, self._settings)
         self._device = device
         self._welcome(device)
-        request, warning = scan_request(self._settings, device.parameters)
-        if warning:
-            self._tell_once("angles", warning, Severity.WARN)
+        request, warnings = scan_request(self._settings, device.parameters)
+        for kind, warning in warnings.items():
+            self._tell_once(kind, warning, Severity.WARN)
         assembly = ScanAssembly(
             self._settings, device.parameters, request, self._clock, self._journal, self._range_codes
         )
@@ -219,7 +221,7 @@ class Hokuyo:
         if is_fault(reply.status):
             raise LaserFaultError(f"the laser reports a malfunction (status {reply.status}); it needs a reboot")
         if reply.status not in (OK, DATA):
-            raise StatusError(request.command, reply.status)
+            raise StatusError(request.command, reply.status, "see laser.command and laser.cluster")
 
     def _adjust(self, talk: Conversation, assembly: ScanAssembly) -> None:
         answers = adjust_time(talk, self._settings, self._now_ns)
@@ -282,6 +284,6 @@ class Hokuyo:
         self._journal.trouble = ""
 
     def _tell_once(self, kind: str, text: str, severity: Severity) -> None:
-        if kind not in self._known:
-            self._known.add(kind)
+        if kind not in self._told:
+            self._told[kind] = text
             self._journal.note(self._now_ns(), kind, text, severity)

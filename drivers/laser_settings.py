@@ -25,7 +25,9 @@ class LaserSettings(BaseModel):
     command: Literal["MD", "MS", "ME", "ND", "NE"] = Field(
         "MD", description="MD ranges, MS short ranges (4 m), ME with intensity, ND and NE with several echoes"
     )
-    echo: Literal["first", "strongest", "last"] = Field("first", description="echo kept of several; strongest needs NE")
+    echo: Literal["first", "strongest", "last"] = Field(
+        "first", description="echo kept of several; last needs ND or NE, strongest NE"
+    )
     cluster: int = Field(1, ge=1, le=99, description="steps joined to one value, the smallest of them")
     angle_min_deg: float | None = Field(
         None, ge=-180.0, le=180.0, description="first bearing, counter-clockwise from the front; absent: all there are"
@@ -88,6 +90,9 @@ class LaserSettings(BaseModel):
         low, high = self.angle_min_deg, self.angle_max_deg
         if low is not None and high is not None and low >= high:
             raise ValueError(f"angle_min_deg below angle_max_deg, not {low} and {high}")
+        wanted = {"first": self.command, "strongest": "NE", "last": self.command if self.command == "NE" else "ND"}
+        if wanted[self.echo] != self.command:
+            raise ValueError(f"command {wanted[self.echo]} for echo {self.echo}, not {self.command}")
         if self.retry_min_s > self.retry_max_s:
             raise ValueError(f"retry_min_s at most retry_max_s, not {self.retry_min_s} and {self.retry_max_s}")
         return self

@@ -35,8 +35,9 @@ class ScanSizeError(ScipError):
 class StatusError(DeviceError):
     """The device refused a command; `status` holds its two characters (one in SCIP 1.1)."""
 
-    def __init__(self, command: str, status: str) -> None:
-        super().__init__(f"the laser answered {command} with status {status} ({status_meaning(status)})")
+    def __init__(self, command: str, status: str, advice: str = "") -> None:
+        tail = f"; {advice}" if advice else ""
+        super().__init__(f"the laser answered {command} with status {status} ({status_meaning(status)}){tail}")
         self.command = command
         self.status = status
 

@@ -64,7 +64,8 @@ def test_ten_scans_a_second_are_asked_of_a_sensor_that_makes_forty() -> None:
 def test_intensity_and_echoes_are_read(command: str) -> None:
     laser = SimulatedLaserSettings(model="UTM-30LX-EW")
     with simulated_laser(laser) as (device, _):
-        settings = LaserSettings.model_validate({"url": device.url, "command": command, "echo": "last"})
+        echo = "last" if command in ("ND", "NE") else "first"
+        settings = LaserSettings.model_validate({"url": device.url, "command": command, "echo": echo})
         with driven(settings) as driver:
             scan = next_scan(driver)
     if command == "MS":
@@ -92,9 +93,10 @@ def test_angles_that_the_model_does_not_have_are_clamped_and_told_once() -> None
         driven(LaserSettings(url=device.url, angle_min_deg=-170.0)) as driver,
     ):
         scan = next_scan(driver)
-        events = driver.drain_events()
+        events, advice = driver.drain_events(), driver.health().facts["advice"]
     assert scan.ranges_m.shape == (1081,)
     (event,) = [event for event in events if event.kind == "angles"]
+    assert advice == event.reason
     assert "sees from -135.0 to 135.0" in event.reason
 
 

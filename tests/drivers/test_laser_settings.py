@@ -38,3 +38,11 @@ def test_angles_and_waits_in_the_wrong_order_are_refused() -> None:
         LaserSettings(retry_min_s=1.0)
     with pytest.raises(ValidationError, match="Extra inputs"):
         LaserSettings.model_validate({"adress": "x"})
+
+
+def test_an_echo_is_refused_with_a_command_that_does_not_send_it() -> None:
+    for echo, command, wanted in (("strongest", "ND", "NE"), ("strongest", "MD", "NE"), ("last", "ME", "ND")):
+        with pytest.raises(ValidationError, match=f"command {wanted} for echo {echo}, not {command}"):
+            LaserSettings.model_validate({"echo": echo, "command": command})
+    for echo, command in (("last", "ND"), ("last", "NE"), ("strongest", "NE"), ("first", "MD")):
+        assert LaserSettings.model_validate({"echo": echo, "command": command}).echo == echo
