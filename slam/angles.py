@@ -6,12 +6,12 @@ the range they are used in, the library takes over beyond.
 
 import math
 
-from slam.compiled import kernel
+from slam.compiled import leaf
 
 SERIES_LIMIT = 0.15
 
 
-@kernel
+@leaf
 def wrapped(angle: float) -> float:
     """Angle in (-pi, pi], from any number of turns."""
     angle = half_turn(angle)
@@ -20,7 +20,7 @@ def wrapped(angle: float) -> float:
     return angle
 
 
-@kernel
+@leaf
 def half_turn(angle: float) -> float:
     """Wrap an angle that is off by at most one turn."""
     if angle > math.pi:
@@ -30,7 +30,7 @@ def half_turn(angle: float) -> float:
     return angle
 
 
-@kernel
+@leaf
 def angle_between(x_0: float, y_0: float, x: float, y: float) -> float:
     """Angle in (-pi, pi] by which (x, y) lies counter-clockwise of (x_0, y_0)."""
     across, along = x_0 * y - y_0 * x, x_0 * x + y_0 * y
@@ -42,7 +42,7 @@ def angle_between(x_0: float, y_0: float, x: float, y: float) -> float:
     return math.atan2(across, along)
 
 
-@kernel
+@leaf
 def cosine_sine(angle: float) -> tuple[float, float]:
     """Cosine and sine."""
     if abs(angle) < SERIES_LIMIT:

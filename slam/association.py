@@ -10,8 +10,16 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.compiled import kernel
-from slam.match_bounds import accepts, largest_variance, moments_of, sighting_of
+from slam.compiled import kernel, leaf
+from slam.match_bounds import (
+    GATE_BLOCK,
+    accepts,
+    all_outside,
+    gate_columns,
+    largest_variance,
+    moments_of,
+    sighting_of,
+)
 from slam.proposals import (
     Moments,
     Proposal,
@@ -41,21 +49,22 @@ class Strategy(IntEnum):
     KNOWN = 2
 
 
-@kernel
+@leaf
 def best_landmark(
     pose: FloatArray,
     covariance: FloatArray,
     root: FloatArray,
     mount: FloatArray,
     candidates: FloatArray,
+    columns: FloatArray,
     used: BoolArray,
     sighting: Sighting,
-    direction: FloatArray,
+    direction: tuple[float, float],
     tuning: Tuning,
     bound: float,
 ) -> tuple[int, float, Moments, int, float, int]:
     """The likeliest free landmark by (4), its squared distance and prediction; then, over all landmarks, the
-    likeliest and the least squared distance; and how many likelihoods that took. -1 stands for none. direction (2,):
+    likeliest and the least squared distance; and how many likelihoods that took. -1 stands for none. direction:
     unit vector from the sensor to the feature, in the body's axes.
     """
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
@@ -65,26 +74,29 @@ def best_landmark(
     free, free_distance, free_log = -1, math.inf, -math.inf
     free_moments = Moments(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     likeliest, likeliest_log, least, evaluated = -1, -math.inf, math.inf, 0
-    for index in range(candidates.shape[0]):
-        if tuning.range_gate:
-            dx, dy = candidates[index, 0] - x, candidates[index, 1] - y
-            if dx * dx + dy * dy > bound * (variance + candidates[index, 2] + candidates[index, 4]):
-                continue
-        moments = moments_of(pose, covariance, root, mount, candidates[index], sighting, tuning)
-        evaluated += 1
-        distance = squared_distance(moments, sighting)
-        if not distance < math.inf:
+    for first in range(0, candidates.shape[0], GATE_BLOCK):
+        if tuning.range_gate and all_outside(columns, first, x, y, variance, bound):
             continue
-        log = log_likelihood(moments, distance)
-        least = min(least, distance)
-        if log > likeliest_log:
-            likeliest, likeliest_log = index, log
-        if not used[index] and log > free_log:
-            free, free_log, free_distance, free_moments = index, log, distance, moments
+        for index in range(first, min(first + GATE_BLOCK, candidates.shape[0])):
+            if tuning.range_gate:
+                dx, dy = candidates[index, 0] - x, candidates[index, 1] - y
+                if dx * dx + dy * dy > bound * (variance + candidates[index, 2] + candidates[index, 4]):
+                    continue
+            moments = moments_of(pose, covariance, root, mount, candidates[index], sighting, tuning)
+            evaluated += 1
+            distance = squared_distance(moments, sighting)
+            if not distance < math.inf:
+                continue
+            log = log_likelihood(moments, distance)
+            least = min(least, distance)
+            if log > likeliest_log:
+                likeliest, likeliest_log = index, log
+            if not used[index] and log > free_log:
+                free, free_log, free_distance, free_moments = index, log, distance, moments
     return free, free_distance, free_moments, likeliest, least, evaluated
 
 
-@kernel
+@leaf
 def verdict_without_match(licensed: bool, least: float, excluded: bool, tuning: Tuning) -> int:
     """What becomes of a feature that matched nothing: EXCLUDED may still create, AMBIGUOUS and UNLICENSED may not."""
     if tuning.density and least < tuning.create_distance:
@@ -109,11 +121,15 @@ def associate_sequentially(
     Returns the log weight of this particle's step and the number of likelihoods.
     """
     used = np.zeros(candidates.shape[0], dtype=np.bool_)
+    columns = gate_columns(candidates)
     widest = max(-2.0 * tuning.match_floor, tuning.create_distance) if tuning.density else -2.0 * tuning.match_fixed
     log_weight, evaluated = 0.0, 0
     chosen[:] = PENDING
     root = np.empty((3, 3))
     square_root_into(covariance, root)
+    largest_rr = 0.0
+    for feature in range(order.size):
+        largest_rr = max(largest_rr, features[feature, 2])
     for position in range(order.size):
         feature = order[position]
         while chosen[feature] == PENDING:
@@ -124,9 +140,10 @@ def associate_sequentially(
                 root,
                 mount,
                 candidates,
+                columns,
                 used,
                 sighting,
-                features[feature, 6:8],
+                (features[feature, 6], features[feature, 7]),
                 tuning,
                 widest,
             )
@@ -140,6 +157,8 @@ def associate_sequentially(
             for later in range(position + 1, order.size):
                 rival = order[later]
                 gap = abs(features[rival, 0] - features[feature, 0])
+                if gap * gap >= widest * 4.0 * (sighting.rr + largest_rr) + 1.0:
+                    break  # the others are farther still
                 if chosen[rival] == PENDING and gap * gap < widest * 4.0 * (sighting.rr + features[rival, 2]) + 1.0:
                     claim = sighting_of(features, rival)
                     rival_distance = squared_distance(with_noise(moments, sighting, claim), claim)
@@ -201,6 +220,7 @@ def associate_simultaneously(
     """
     count = features.shape[0]
     used = np.zeros(candidates.shape[0], dtype=np.bool_)
+    columns = gate_columns(candidates)
     distances = np.empty(count)
     widest = max(-2.0 * tuning.match_floor, tuning.create_distance) if tuning.density else -2.0 * tuning.match_fixed
     root = np.empty((3, 3))
@@ -213,9 +233,10 @@ def associate_simultaneously(
             root,
             mount,
             candidates,
+            columns,
             used,
             sighting_of(features, feature),
-            features[feature, 6:8],
+            (features[feature, 6], features[feature, 7]),
             tuning,
             widest,
         )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.angles import wrapped
-from slam.compiled import kernel
+from slam.compiled import kernel, leaf
 from slam.joint_measurement import FIRST_PLACE, fold, innovation_covariance, slopes
 
 FloatArray = NDArray[np.float64]
@@ -31,22 +31,21 @@ class Gates(NamedTuple):
     create: float
 
 
-@kernel
+@leaf
 def distance_to(
     mean: FloatArray, covariance: FloatArray, mount: FloatArray, at: int, feature: FloatArray
 ) -> tuple[float, float]:
-    """Squared Mahalanobis distance of a feature to the landmark at `at`, and the logarithm of (4) for it."""
+    """Squared Mahalanobis distance of a feature to the landmark at `at`, and the determinant of its covariance."""
     slope = slopes(mean, mount, mean[at], mean[at + 1])
     rr, rb, bb = innovation_covariance(covariance, at, slope)
     rr, rb, bb = rr + feature[2], rb + feature[3], bb + feature[4]
     determinant = rr * bb - rb * rb
     range_gap, bearing_gap = feature[0] - slope.range_m, wrapped(feature[1] - slope.bearing_rad)
     square = bb * range_gap * range_gap - 2.0 * rb * range_gap * bearing_gap + rr * bearing_gap * bearing_gap
-    square /= determinant
-    return square, -0.5 * (square + math.log(39.47841760435743 * determinant))
+    return square / determinant, determinant
 
 
-@kernel
+@leaf
 def gate_of(nearest_m: float, gates: Gates) -> float:
     """The density-adapted threshold (5): strict where landmarks are dense, bounded where one stands alone."""
     return min(gates.match_base + gates.match_per_metre * nearest_m, gates.match_widest)
@@ -79,11 +78,13 @@ def associate(
             least, least_excluded = math.inf, False
             for landmark in range(landmarks):
                 at = FIRST_PLACE + 2 * landmark
-                square, log = distance_to(mean, covariance, mount, at, features[feature])
+                square, determinant = distance_to(mean, covariance, mount, at, features[feature])
                 if square < least:
                     least, least_excluded = square, used[landmark]
-                if not used[landmark] and log > best_log and square <= gate_of(nearest_m[landmark], gates):
-                    best, best_log, best_square = landmark, log, square
+                if not used[landmark] and square <= gate_of(nearest_m[landmark], gates):
+                    log = -0.5 * (square + math.log(39.47841760435743 * determinant))  # of (4), with (2 pi)^2
+                    if log > best_log:
+                        best, best_log, best_square = landmark, log, square
             if best < 0:
                 if least < gates.create:
                     chosen[feature] = EXCLUDED if least_excluded else AMBIGUOUS

@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.angles import wrapped
-from slam.compiled import kernel
+from slam.compiled import kernel, leaf
 from slam.joint_measurement import FIRST_PLACE, project, slopes
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+TILE = 16  # lines of 16 numbers of both triangles fit into the first cache
 
 
-@kernel
+@leaf
 def predict(
     mean: FloatArray,
     covariance: FloatArray,
@@ -74,7 +75,7 @@ def predict(
             covariance[row, column] = covariance[column, row]
 
 
-@kernel
+@leaf
 def whiten(projected: FloatArray, innovation: FloatArray, gap: FloatArray) -> None:
     """projected (m, n) and gap (m,) become L^-1 times themselves; innovation (m, m) = L L^T is overwritten by L."""
     m = gap.size
@@ -88,12 +89,15 @@ def whiten(projected: FloatArray, innovation: FloatArray, gap: FloatArray) -> No
             else:
                 innovation[row, column] = total / innovation[column, column]
     for row in range(m):
+        line = projected[row]
         for inner in range(row):
-            factor = innovation[row, inner]
+            factor, above = innovation[row, inner], projected[inner]
             gap[row] -= factor * gap[inner]
-            projected[row] -= factor * projected[inner]
+            for column in range(line.size):
+                line[column] -= factor * above[column]
         gap[row] /= innovation[row, row]
-        projected[row] /= innovation[row, row]
+        for column in range(line.size):
+            line[column] /= innovation[row, row]
 
 
 @kernel
@@ -142,9 +146,10 @@ def update(
     reduce(covariance, n, projected)
     if invariant:
         carry(covariance, n, turn)
+    mirror(covariance, n)
 
 
-@kernel
+@leaf
 def move(mean: FloatArray, n: int, change: FloatArray, invariant: bool, turn: FloatArray) -> None:
     """Apply a change (n,) of pose and landmarks.
 
@@ -175,43 +180,61 @@ def move(mean: FloatArray, n: int, change: FloatArray, invariant: bool, turn: Fl
         mean[index] += change[index]
 
 
-@kernel
+@leaf
 def reduce(covariance: FloatArray, n: int, projected: FloatArray) -> None:
-    """P - Y^T Y with Y (m, n): written once for both triangles, so symmetric to the last bit."""
+    """P - Y^T Y with Y (m, n), m even, in the upper triangle; `mirror` makes the lower one.
+
+    Two features of two rows each at a time: a line of P is fetched and stored half as often.
+    """
     m = projected.shape[0]
     for row in range(n):
         line = covariance[row, row:n]
-        for pair in range(m // 2):
-            first, second = projected[2 * pair, row], projected[2 * pair + 1, row]
-            one, other = projected[2 * pair, row:n], projected[2 * pair + 1, row:n]
+        pair = 0
+        while pair + 3 < m:
+            a, b = projected[pair, row:n], projected[pair + 1, row:n]
+            c, d = projected[pair + 2, row:n], projected[pair + 3, row:n]
+            first, second, third, fourth = a[0], b[0], c[0], d[0]
             for column in range(n - row):
-                line[column] -= first * one[column] + second * other[column]
+                line[column] = (line[column] - (first * a[column] + second * b[column])) - (
+                    third * c[column] + fourth * d[column]
+                )
+            pair += 4
+        if pair < m:
+            a, b = projected[pair, row:n], projected[pair + 1, row:n]
+            first, second = a[0], b[0]
+            for column in range(n - row):
+                line[column] -= first * a[column] + second * b[column]
         line[0] = max(line[0], 0.0)
-    for row in range(n):
-        for column in range(row):
-            covariance[row, column] = covariance[column, row]
+
+
+@leaf
+def mirror(covariance: FloatArray, n: int) -> None:
+    """Copy the upper triangle to the lower one, tile by tile, so that both stay in the cache."""
+    for top in range(0, n, TILE):
+        for left in range(0, top + 1, TILE):
+            for row in range(top, min(top + TILE, n)):
+                for column in range(left, min(left + TILE, row)):
+                    covariance[row, column] = covariance[column, row]
 
 
 @kernel
 def carry(covariance: FloatArray, n: int, turn: FloatArray) -> None:
-    """Carry the covariance from the estimate before an update to the one after it: P + t p^T + p t^T + p_hh t t^T.
+    """Carry the upper triangle from the estimate before an update to the one after it: P + t p^T + p t^T + p_hh t t^T.
 
     A turn of the whole map is unobservable. Its direction in the state depends on the estimate; left where it was, the
     filter would believe to have seen a part of it. In the invariant error nothing moves; in x, y, heading the rows
     follow what every coordinate's displacement t makes of the heading's error (Barrau and Bonnabel 2015).
     """
     heading = covariance[2, :n].copy()
+    heading[0], heading[1] = covariance[0, 2], covariance[1, 2]
     spread = heading[2]
     for row in range(n):
         t, p = turn[row], heading[row]
         for column in range(row, n):
             covariance[row, column] += t * heading[column] + (p + spread * t) * turn[column]
-    for row in range(n):
-        for column in range(row):
-            covariance[row, column] = covariance[column, row]
 
 
-@kernel
+@leaf
 def append(mean: FloatArray, covariance: FloatArray, n: int, mount: FloatArray, feature: FloatArray) -> None:
     """A new landmark at places n and n + 1 from a feature (range, bearing, rr, rb, bb, ...) and the pose."""
     cosine, sine = math.cos(mean[2]), math.sin(mean[2])
@@ -236,7 +259,7 @@ def append(mean: FloatArray, covariance: FloatArray, n: int, mount: FloatArray, 
     covariance[n + 1, n] = covariance[n, n + 1]
 
 
-@kernel
+@leaf
 def forget(mean: FloatArray, covariance: FloatArray, n: int, at: int) -> None:
     """Remove the landmark at `at`; the last one takes its place."""
     last = n - 2
@@ -244,7 +267,8 @@ def forget(mean: FloatArray, covariance: FloatArray, n: int, at: int) -> None:
         return
     for axis in range(2):
         mean[at + axis] = mean[last + axis]
-        covariance[at + axis, :n] = covariance[last + axis, :n]
+        for column in range(n):
+            covariance[at + axis, column] = covariance[last + axis, column]
     for row in range(last):
         for axis in range(2):
             covariance[row, at + axis] = covariance[row, last + axis]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.angles import wrapped
-from slam.compiled import kernel
+from slam.compiled import leaf
 
 FloatArray = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class Slopes(NamedTuple):
     bearing_heading: float
 
 
-@kernel
+@leaf
 def slopes(pose: FloatArray, mount: FloatArray, x: float, y: float) -> Slopes:
     """h and its Jacobian at pose (at least 3,) and a landmark at x, y; mount (3,) is body_from_laser."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
@@ -52,7 +52,7 @@ def slopes(pose: FloatArray, mount: FloatArray, x: float, y: float) -> Slopes:
     )
 
 
-@kernel
+@leaf
 def project(covariance: FloatArray, at: int, slope: Slopes, into: FloatArray) -> None:
     """into (2, n) = H P for the landmark whose coordinates stand at `at`; covariance (n, n) symmetric."""
     for column in range(into.shape[1]):
@@ -62,7 +62,7 @@ def project(covariance: FloatArray, at: int, slope: Slopes, into: FloatArray) ->
         into[1, column] = slope.bearing_x * x + slope.bearing_y * y + slope.bearing_heading * heading
 
 
-@kernel
+@leaf
 def innovation_covariance(covariance: FloatArray, at: int, slope: Slopes) -> tuple[float, float, float]:
     """H P H^T as rr, rb, bb."""
     p = covariance
@@ -84,7 +84,7 @@ def innovation_covariance(covariance: FloatArray, at: int, slope: Slopes) -> tup
     )
 
 
-@kernel
+@leaf
 def fold(
     mean: FloatArray, covariance: FloatArray, at: int, slope: Slopes, feature: FloatArray, work: FloatArray
 ) -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.compiled import kernel
+from slam.compiled import kernel, leaf
 from slam.joint_measurement import FIRST_PLACE
 from slam.kernels import in_clear_view
 from slam.landmark_filter import sensor_pose
@@ -16,7 +16,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 
-@kernel
+@leaf
 def overdue(
     mean: FloatArray,
     places: IntArray,

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.compiled import kernel
+from slam.compiled import kernel, leaf
 from slam.joint_measurement import FIRST_PLACE
 
 FloatArray = NDArray[np.float64]
@@ -62,7 +62,7 @@ def regress(covariance: FloatArray, at: int, others: IntArray, weights: FloatArr
             solution[row] = total / root[row, row]
 
 
-@kernel
+@leaf
 def restore(
     covariance: FloatArray, n: int, others: IntArray, weights: FloatArray, residual: FloatArray
 ) -> None:
@@ -83,7 +83,7 @@ def restore(
             covariance[n + column, n + row] = total
 
 
-@kernel
+@leaf
 def least_needed(mean: FloatArray, n: int, eligible: BoolArray) -> int:
     """The eligible landmark (L,) whose neighbour is nearest as seen from the rover; -1 if none is.
 

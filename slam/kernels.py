@@ -19,23 +19,11 @@ from slam.association import (
     associate_simultaneously,
     fold_all,
 )
-from slam.compiled import kernel
+from slam.compiled import kernel, leaf
+from slam.gathering import gather, write_back
 from slam.landmark_filter import new_landmark, sensor_pose, update_landmark
 from slam.match_bounds import sighting_of
-from slam.pages import (
-    FIELDS,
-    FREE_PAGES,
-    LOG_ODDS,
-    NONE,
-    USED_SLOTS,
-    Pages,
-    X,
-    Y,
-    append,
-    remove_below,
-    slots_near,
-    writable,
-)
+from slam.pages import FIELDS, FREE_PAGES, LOG_ODDS, NONE, USED_SLOTS, Pages, X, Y, append, remove_below, slots_near
 from slam.proposals import Proposal
 from slam.tuning import Tuning
 from slam.unscented import square_root_into
@@ -50,7 +38,7 @@ LIKELIHOODS, CREATED, REMOVED, MATCHED, SHARED_NEEDED = 0, 1, 2, 3, 4
 TALLIES = 5
 
 
-@kernel
+@leaf
 def predict(pose: FloatArray, covariance: FloatArray, increment: FloatArray, increment_covariance: FloatArray) -> None:
     """Move an exactly known pose (3,) by the increment (3,) in place; covariance (3, 3) becomes the increment's,
     turned.
@@ -80,7 +68,7 @@ def sample(pose: FloatArray, covariance: FloatArray, normals: FloatArray) -> Non
     pose[2] = wrapped(pose[2])
 
 
-@kernel
+@leaf
 def in_clear_view(
     landmark_x: float, landmark_y: float, sensor: tuple[float, float, float], sight: FloatArray, tuning: Tuning
 ) -> bool:
@@ -112,41 +100,6 @@ def in_clear_view(
 
 
 @kernel
-def gather(
-    pages: Pages, particle: int, slots: ShortArray, slot_count: int, x: float, y: float, radius_m: float
-) -> tuple[FloatArray, IntArray, ShortArray, int]:
-    """Copies of this particle's landmarks in the slots that lie within a radius of (x, y); below zero: all of them.
-
-    Returns numbers (C, 6), identities (C,), (slot, place) (C, 2), and how many of the pages are shared with other
-    particles.
-    """
-    total, shared = 0, 0
-    for index in range(slot_count):
-        page = pages.table[particle, slots[index]]
-        if page != NONE:
-            total += pages.filled[page]
-            shared += 1 if pages.references[page] > 1 else 0
-    numbers = np.empty((total, FIELDS))
-    identities = np.empty(total, dtype=np.int64)
-    places = np.empty((total, 2), dtype=np.int32)
-    filled = 0
-    square = radius_m * radius_m if radius_m >= 0.0 else math.inf
-    for index in range(slot_count):
-        page = pages.table[particle, slots[index]]
-        if page != NONE:
-            for place in range(pages.filled[page]):
-                dx, dy = pages.numbers[page, X, place] - x, pages.numbers[page, Y, place] - y
-                if dx * dx + dy * dy > square:
-                    continue
-                for field in range(FIELDS):
-                    numbers[filled, field] = pages.numbers[page, field, place]
-                identities[filled] = pages.identity[page, place]
-                places[filled, 0], places[filled, 1] = slots[index], place
-                filled += 1
-    return numbers[:filled], identities[:filled], places[:filled], shared
-
-
-@kernel
 def landmarks_near(
     pages: Pages, particle: int, cell_m: float, x: float, y: float, radius_m: float
 ) -> tuple[FloatArray, IntArray]:
@@ -157,16 +110,48 @@ def landmarks_near(
     return numbers, identities
 
 
-@kernel
-def write_back(
-    pages: Pages, particle: int, candidates: FloatArray, places: ShortArray, changed: NDArray[np.bool_]
-) -> None:
-    """Store the landmarks that changed into this particle's own pages."""
+@leaf
+def update_matches(
+    candidates: FloatArray,
+    sensor: tuple[float, float, float],
+    features: FloatArray,
+    order: IntArray,
+    chosen: IntArray,
+    linear: bool,
+    tuning: Tuning,
+    changed: NDArray[np.bool_],
+) -> int:
+    """Fold every matched feature into its landmark and raise that one's log-odds; returns how many matched."""
+    matched = 0
+    for position in range(order.size):
+        feature = order[position]
+        landmark = chosen[feature]
+        if landmark >= 0:
+            sighting = sighting_of(features, feature)
+            update_landmark(candidates[landmark], sensor, sighting, tuning.single_weights, tuning.spread, linear)
+            log_odds = candidates[landmark, LOG_ODDS] + tuning.log_odds_seen
+            candidates[landmark, LOG_ODDS] = min(log_odds, tuning.log_odds_max)
+            changed[landmark] = True
+            matched += 1
+    return matched
+
+
+@leaf
+def lower_missed(
+    candidates: FloatArray,
+    sensor: tuple[float, float, float],
+    sight: FloatArray,
+    tuning: Tuning,
+    changed: NDArray[np.bool_],
+) -> bool:
+    """Lower the log-odds of landmarks that should have been seen and were not; True if any landmark is to go."""
+    doomed = False
     for index in range(candidates.shape[0]):
-        if changed[index]:
-            page = writable(pages, particle, places[index, 0])
-            for field in range(FIELDS):
-                pages.numbers[page, field, places[index, 1]] = candidates[index, field]
+        if not changed[index] and in_clear_view(candidates[index, X], candidates[index, Y], sensor, sight, tuning):
+            candidates[index, LOG_ODDS] -= tuning.log_odds_missed
+            changed[index] = True
+        doomed = doomed or candidates[index, LOG_ODDS] < tuning.log_odds_remove
+    return doomed
 
 
 @kernel
@@ -242,27 +227,13 @@ def step_particles(
         sensor = sensor_pose(pose, mount)
 
         changed = np.zeros(candidates.shape[0], dtype=np.bool_)
-        for position in range(count):
-            feature = order[position]
+        tallies[MATCHED] += update_matches(candidates, sensor, features, order, chosen, linear, tuning, changed)
+        for feature in range(count):
             landmark = chosen[feature]
-            matches[particle, feature] = landmark
-            if landmark >= 0:
-                matches[particle, feature] = identities[landmark]
-                sighting = sighting_of(features, feature)
-                update_landmark(candidates[landmark], sensor, sighting, tuning.single_weights, tuning.spread, linear)
-                candidates[landmark, LOG_ODDS] += tuning.log_odds_seen
-                candidates[landmark, LOG_ODDS] = min(candidates[landmark, LOG_ODDS], tuning.log_odds_max)
-                changed[landmark] = True
-                tallies[MATCHED] += 1
-        if tuning.existence:
-            for index in range(candidates.shape[0]):
-                if changed[index]:
-                    continue
-                if in_clear_view(candidates[index, X], candidates[index, Y], sensor, sight, tuning):
-                    candidates[index, LOG_ODDS] -= tuning.log_odds_missed
-                    changed[index] = True
+            matches[particle, feature] = identities[landmark] if landmark >= 0 else landmark
+        doomed = tuning.existence and lower_missed(candidates, sensor, sight, tuning, changed)
         write_back(pages, particle, candidates, places, changed)
-        if tuning.existence:
+        if doomed:
             for index in range(slot_count):
                 if pages.table[particle, slots[index]] != NONE:
                     tallies[REMOVED] += remove_below(pages, particle, slots[index], tuning.log_odds_remove)

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.angles import angle_between, cosine_sine, wrapped
-from slam.compiled import kernel
+from slam.compiled import leaf
 from slam.proposals import Sighting, landmark_root
 from slam.unscented import UnscentedWeights
 
 FloatArray = NDArray[np.float64]
 
 
-@kernel
+@leaf
 def sensor_pose(pose: FloatArray, mount: FloatArray) -> tuple[float, float, float]:
     """map_from_laser x m, y m, heading rad."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
@@ -24,7 +24,7 @@ def sensor_pose(pose: FloatArray, mount: FloatArray) -> tuple[float, float, floa
     )
 
 
-@kernel
+@leaf
 def update_landmark(
     landmark: FloatArray,
     sensor: tuple[float, float, float],
@@ -82,7 +82,7 @@ def update_landmark(
     landmark[4] = max(landmark[4] - gain_y_r * y_r - gain_y_b * y_b, 1e-10)
 
 
-@kernel
+@leaf
 def new_landmark(
     landmark: FloatArray,
     sensor: tuple[float, float, float],

@@ -5,15 +5,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.compiled import kernel
+from slam.compiled import kernel, leaf
 from slam.proposals import Moments, Proposal, Sighting, linearised_moments, unscented_moments
 from slam.tuning import Tuning
 
 FloatArray = NDArray[np.float64]
 UNSCENTED = int(Proposal.UNSCENTED)
+GATE_BLOCK = 16  # candidates that pass the gate together, a few instructions for all of them
 
 
-@kernel
+@leaf
 def sighting_of(features: FloatArray, index: int) -> Sighting:
     """Feature `index` of the rows of slam.kernels."""
     return Sighting(
@@ -21,7 +22,7 @@ def sighting_of(features: FloatArray, index: int) -> Sighting:
     )
 
 
-@kernel
+@leaf
 def moments_of(
     pose: FloatArray,
     covariance: FloatArray,
@@ -37,7 +38,7 @@ def moments_of(
     return linearised_moments(pose, covariance, mount, landmark, noise)
 
 
-@kernel
+@leaf
 def accepts(distance: float, candidates: FloatArray, chosen: int, tuning: Tuning) -> bool:
     """True if a squared distance is within the bound for this landmark; what the densest place accepts, all do."""
     if tuning.density and distance <= -2.0 * tuning.match_base:
@@ -45,7 +46,7 @@ def accepts(distance: float, candidates: FloatArray, chosen: int, tuning: Tuning
     return distance <= match_bound(candidates, chosen, tuning)
 
 
-@kernel
+@leaf
 def match_bound(candidates: FloatArray, chosen: int, tuning: Tuning) -> float:
     """M_th = M_c - K d_min (5) with a floor: strict where landmarks are dense, tolerant where one stands alone.
 
@@ -62,7 +63,7 @@ def match_bound(candidates: FloatArray, chosen: int, tuning: Tuning) -> float:
     return -2.0 * max(tuning.match_base - tuning.match_per_metre * math.sqrt(nearest), tuning.match_floor)
 
 
-@kernel
+@leaf
 def largest_variance(pose_covariance: FloatArray, sighting: Sighting) -> float:
     """Bound m^2 on the variance that pose and sensor cause at the feature's place; the landmark's own comes on top."""
     position: float = pose_covariance[0, 0] + pose_covariance[1, 1]
@@ -70,3 +71,28 @@ def largest_variance(pose_covariance: FloatArray, sighting: Sighting) -> float:
     square = sighting.range_m * sighting.range_m
     swing = 2.0 * abs(sighting.range_m) * math.sqrt(heading * position)
     return position + swing + sighting.rr + square * (heading + sighting.bb)
+
+
+@kernel
+def gate_columns(candidates: FloatArray) -> FloatArray:
+    """x, y, xx, yy of candidates (C, 6) as rows (4, C up to whole blocks) for `all_outside`."""
+    count = candidates.shape[0]
+    columns = np.zeros((4, (count + GATE_BLOCK - 1) // GATE_BLOCK * GATE_BLOCK))
+    for index in range(count):
+        columns[0, index], columns[1, index] = candidates[index, 0], candidates[index, 1]
+        columns[2, index], columns[3, index] = candidates[index, 2], candidates[index, 4]
+    for index in range(count, columns.shape[1]):
+        columns[0, index] = math.inf
+    return columns
+
+
+@leaf
+def all_outside(columns: FloatArray, first: int, x: float, y: float, variance: float, bound: float) -> bool:
+    """True where no candidate of the block can lie within the bound (a squared distance) of a feature at (x, y)."""
+    xs, ys = columns[0, first : first + GATE_BLOCK], columns[1, first : first + GATE_BLOCK]
+    xx, yy = columns[2, first : first + GATE_BLOCK], columns[3, first : first + GATE_BLOCK]
+    outside = 0
+    for place in range(GATE_BLOCK):
+        dx, dy = xs[place] - x, ys[place] - y
+        outside += 1 if dx * dx + dy * dy > bound * (variance + xx[place] + yy[place]) else 0
+    return outside == GATE_BLOCK

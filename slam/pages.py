@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.compiled import kernel
+from slam.compiled import leaf
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -44,7 +44,7 @@ class Pages(NamedTuple):
     tally: IntArray
 
 
-@kernel
+@leaf
 def cell_index(pages: Pages, cell_m: float, x: float, y: float) -> tuple[int, int]:
     """Row and column of the grid for a point; outside of the grid its edge cell, so that nothing is ever lost."""
     row = math.floor(x / cell_m) - pages.origin[0]
@@ -54,7 +54,7 @@ def cell_index(pages: Pages, cell_m: float, x: float, y: float) -> tuple[int, in
     return row, column
 
 
-@kernel
+@leaf
 def release(pages: Pages, page: int) -> None:
     """One reference less; a page without any is free."""
     pages.references[page] -= 1
@@ -63,7 +63,7 @@ def release(pages: Pages, page: int) -> None:
         pages.tally[FREE_PAGES] += 1
 
 
-@kernel
+@leaf
 def take_free(pages: Pages) -> int:
     """An unused page with one reference and no landmarks; the caller has made sure that there is one."""
     pages.tally[FREE_PAGES] -= 1
@@ -73,7 +73,7 @@ def take_free(pages: Pages) -> int:
     return page
 
 
-@kernel
+@leaf
 def writable(pages: Pages, particle: int, slot: int) -> int:
     """The page of this particle and slot, its own from now on: copied first where it was shared, made where absent."""
     page: int = pages.table[particle, slot]
@@ -82,8 +82,10 @@ def writable(pages: Pages, particle: int, slot: int) -> int:
         pages.table[particle, slot] = page
     elif pages.references[page] > 1:
         own = take_free(pages)
-        pages.numbers[own] = pages.numbers[page]
-        pages.identity[own] = pages.identity[page]
+        for place in range(PAGE_LANDMARKS):
+            for field in range(FIELDS):
+                pages.numbers[own, field, place] = pages.numbers[page, field, place]
+            pages.identity[own, place] = pages.identity[page, place]
         pages.filled[own] = pages.filled[page]
         pages.references[page] -= 1
         pages.table[particle, slot] = own
@@ -91,7 +93,7 @@ def writable(pages: Pages, particle: int, slot: int) -> int:
     return page
 
 
-@kernel
+@leaf
 def append(pages: Pages, particle: int, cell_m: float, landmark: FloatArray, identity: int) -> None:
     """Add landmark (6,) to the cell that its mean lies in; the caller has made sure of a free page and a free slot."""
     row, column = cell_index(pages, cell_m, landmark[X], landmark[Y])
@@ -116,7 +118,7 @@ def append(pages: Pages, particle: int, cell_m: float, landmark: FloatArray, ide
     pages.filled[page] = place + 1
 
 
-@kernel
+@leaf
 def remove_below(pages: Pages, particle: int, slot: int, log_odds: float) -> int:
     """Remove this particle's landmarks of one slot whose log-odds are below the bound; returns how many."""
     page = pages.table[particle, slot]
@@ -141,7 +143,7 @@ def remove_below(pages: Pages, particle: int, slot: int, log_odds: float) -> int
     return doomed
 
 
-@kernel
+@leaf
 def adopt_row(pages: Pages, particle: int, parent: int) -> None:
     """The whole map of `parent` becomes that of `particle`, without copying a landmark."""
     for slot in range(pages.tally[USED_SLOTS]):
@@ -155,7 +157,7 @@ def adopt_row(pages: Pages, particle: int, parent: int) -> None:
         pages.table[particle, slot] = new
 
 
-@kernel
+@leaf
 def slots_near(pages: Pages, cell_m: float, x: float, y: float, radius_m: float, slots: ShortArray) -> int:
     """Write the slots of all cells that a circle's bounding square touches into `slots`; returns how many.
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.angles import angle_between, cosine_sine, half_turn, wrapped
-from slam.compiled import kernel
+from slam.compiled import leaf
 from slam.unscented import UnscentedWeights
 
 FloatArray = NDArray[np.float64]
@@ -58,7 +58,7 @@ class Moments(NamedTuple):
     h_b: float
 
 
-@kernel
+@leaf
 def linearised_moments(
     pose: FloatArray, covariance: FloatArray, mount: FloatArray, landmark: FloatArray, noise: Sighting
 ) -> Moments:
@@ -97,7 +97,7 @@ def linearised_moments(
     )
 
 
-@kernel
+@leaf
 def unscented_moments(
     pose: FloatArray,
     root: FloatArray,
@@ -173,7 +173,7 @@ def unscented_moments(
     )
 
 
-@kernel
+@leaf
 def with_noise(moments: Moments, old: Sighting, new: Sighting) -> Moments:
     """The same prediction for another feature: only the sensor's own noise differs."""
     return Moments(
@@ -191,7 +191,7 @@ def with_noise(moments: Moments, old: Sighting, new: Sighting) -> Moments:
     )
 
 
-@kernel
+@leaf
 def landmark_root(landmark: FloatArray) -> tuple[float, float, float]:
     """Lower square root (xx, yx, yy) of a landmark's covariance; a direction without variance gives zero."""
     if landmark[2] <= 0.0:
@@ -201,7 +201,7 @@ def landmark_root(landmark: FloatArray) -> tuple[float, float, float]:
     return first_x, first_y, math.sqrt(max(landmark[4] - first_y * first_y, 0.0))
 
 
-@kernel
+@leaf
 def squared_distance(moments: Moments, sighting: Sighting) -> float:
     """Squared Mahalanobis distance of a feature from its prediction; infinite if S is not positive definite."""
     determinant = moments.rr * moments.bb - moments.rb * moments.rb
@@ -212,14 +212,14 @@ def squared_distance(moments: Moments, sighting: Sighting) -> float:
     return (moments.bb * r * r - 2.0 * moments.rb * r * b + moments.rr * b * b) / determinant
 
 
-@kernel
+@leaf
 def log_likelihood(moments: Moments, distance: float) -> float:
     """Logarithm of (4): -1/2 log |2 pi S| - distance / 2, the whole of (2 pi)^2 |S| under the root."""
     determinant = moments.rr * moments.bb - moments.rb * moments.rb
     return -0.5 * (distance + math.log(4.0 * math.pi * math.pi * determinant))
 
 
-@kernel
+@leaf
 def fold_in(pose: FloatArray, covariance: FloatArray, moments: Moments, sighting: Sighting) -> None:
     """One landmark moves pose (3,) and covariance (3, 3), both in place: K = C S^-1, x += K nu, P -= K S K^T."""
     determinant = moments.rr * moments.bb - moments.rb * moments.rb

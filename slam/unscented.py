@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from slam.compiled import kernel
+from slam.compiled import leaf
 
 FloatArray = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def square_root(covariance: FloatArray) -> FloatArray:
     return root
 
 
-@kernel
+@leaf
 def square_root_into(covariance: FloatArray, root: FloatArray) -> None:
     """Write lower triangular L (n, n) with L L^T = covariance; directions without variance get a column of zeros.
 

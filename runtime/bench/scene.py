@@ -19,6 +19,7 @@ TILE_M = 30.0  # the survey stops this often: every landmark is in view of some 
 STEP_M, TURN_RAD = 0.05, 0.005  # 0.5 m/s and a circle of 10 m, ten scans a second
 SIGMA_M, SIGMA_RAD = 0.05, 0.005
 SEED = 1
+STANDING = 2  # scans at a stop: a tile brings 18 landmarks, and 8 leave the joint state in a scan
 
 
 class Scene:
@@ -61,7 +62,8 @@ class Scene:
             arriving = Increment(moved, np.eye(3) * 1e-12, False, True, 0.1, 0.0, 0.0, 0.0)
             self.step(arriving, self._look(everything, math.pi))
             standing = Increment(np.zeros(3), np.zeros((3, 3)), True, True, 0.1, 0.0, 0.0, 0.0)
-            self.step(standing, self._look(everything, math.pi))
+            for _ in range(STANDING):
+                self.step(standing, self._look(everything, math.pi))
 
     def _look(self, most: int, view_rad: float) -> Features:
         """The nearest `most` landmarks within view_rad to either side, with noise."""
