@@ -17,7 +17,7 @@ def register(app: typer.Typer) -> None:
 
 
 def bench(as_json: AsJson = False) -> None:
-    """Measure the speed of the filter on this machine; CPU times, about two minutes."""
+    """Measure the speed of the filter on this machine; CPU times, two to three minutes."""
     from runtime.bench.measures import measures
 
     results = []

@@ -43,7 +43,7 @@ class Measure:
 
 
 def measures() -> Iterator[Measure]:
-    """All of them, one after the other; about two minutes."""
+    """All of them, one after the other; two to three minutes."""
     Estimator.warm_up()
     scene = Scene(100, 1000, 30)
     step_100, joint = filter_steps(scene)
@@ -55,7 +55,7 @@ def measures() -> Iterator[Measure]:
     yield Measure("step_m1000_n1000_k30", *spread(filter_steps(large)[0]))
     yield from resampling(large)
     yield from growth()
-    yield from map_memory()
+    yield from map_memory(scene)
     scans = drive_scans()
     yield Measure("front_end_1081", *spread(front_end_times(scans)))
     ticks = tick_times(scans)
@@ -116,14 +116,12 @@ def growth() -> Iterator[Measure]:
     yield Measure("growth_n20000_over_n200", round(medians[1] / medians[0], 3), "ratio")
 
 
-def map_memory() -> Iterator[Measure]:
+def map_memory(scene: Scene) -> Iterator[Measure]:
     """Bytes that the map takes for each particle and landmark, after driving with real resampling."""
-    scene = Scene(100, 1000, 30)
-    for _ in range(SETTLING):
-        scene.step(*scene.next_scan())
     store = scene.particles.store
-    yield Measure("bytes_per_particle_landmark", round(store.used_bytes() / 100 / 1000, 1), "bytes")
-    yield Measure("allocated_bytes_per_particle_landmark", round(store.allocated_bytes() / 100 / 1000, 1), "bytes")
+    mapped = len(scene.particles.poses) * store.count_of(scene.particles.best)
+    yield Measure("bytes_per_particle_landmark", round(store.used_bytes() / mapped, 1), "bytes")
+    yield Measure("allocated_bytes_per_particle_landmark", round(store.allocated_bytes() / mapped, 1), "bytes")
 
 
 def drive_scans() -> list[tuple[int, Scan, WheelCounts, Pose2]]:

@@ -11,7 +11,7 @@ from slam.association import (
     associate_sequentially,
     associate_simultaneously,
 )
-from slam.match_bounds import match_bound
+from slam.match_bounds import GATE_BLOCK, all_outside, gate_columns, match_bound
 from slam.observations import MatchVerdict
 from slam.tuning import Tuning
 from tests.slam.scenes import settings_of
@@ -160,3 +160,18 @@ def test_a_singular_prediction_matches_nothing_and_leaves_the_pose_finite() -> N
     assert chosen[0] < 0
     assert np.isfinite(pose).all()
     assert math.isfinite(log_weight)
+
+
+@pytest.mark.parametrize("count", [1, GATE_BLOCK - 1, GATE_BLOCK, 3 * GATE_BLOCK + 5])
+def test_a_block_of_candidates_is_passed_over_only_if_none_of_them_is_inside_the_gate(count: int) -> None:
+    generator = np.random.default_rng(count)
+    candidates = landmarks(*((float(x), float(y)) for x, y in generator.uniform(-9, 9, (count, 2))))
+    columns, bound, variance, over = gate_columns(candidates), 50.0, 0.02, 0
+    for x, y in generator.uniform(-9, 9, (200, 2)):
+        squares = ((candidates[:, :2] - (x, y)) ** 2).sum(axis=1)
+        inside = squares <= bound * (variance + candidates[:, 2] + candidates[:, 4])
+        for first in range(0, count, GATE_BLOCK):
+            outside = all_outside(columns, first, x, y, variance, bound)
+            assert outside == (not inside[first : first + GATE_BLOCK].any())
+            over += outside
+    assert over > 0
