@@ -163,13 +163,18 @@ def against_data_set(
     if truth.fixes is not None:
         figures |= against_points(trajectories, truth.fixes, body_from_laser) | {"truth": "GPS, good fixes"}
     elif truth.poses is not None:
-        figures |= against_points(trajectories, truth.poses, NO_OFFSET) | {"truth": truth.pose_kind}
+        figures |= against_points(trajectories, truth.poses, body_from_laser) | {"truth": truth.pose_kind}
     if truth.relations is not None:
-        figures |= against_relations(trajectories.estimated, truth.relations)
-        alone = against_relations(trajectories.odometry, truth.relations)
+        figures |= against_relations(at_laser(trajectories.estimated, body_from_laser), truth.relations)
+        alone = against_relations(at_laser(trajectories.odometry, body_from_laser), truth.relations)
         figures["odometry_relation_translation_m"] = alone["relation_translation_m"]
         figures["odometry_relation_rotation_deg"] = alone["relation_rotation_deg"]
     return figures
+
+
+def at_laser(rows: FloatArray, body_from_laser: tuple[float, float, float]) -> FloatArray:
+    """Rows (n, 4) of t s, x m, y m, heading rad of the laser instead of the body."""
+    return np.column_stack((rows[:, 0], composed(rows[:, 1:], body_from_laser)))
 
 
 def against_points(

@@ -2,12 +2,14 @@
 
 import hashlib
 import math
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import Scan, ScanLike, WheelSample
+from slam.alignment import Alignment
 from slam.estimate import Estimate, Quality
 from slam.fastslam import NO_SIGHT, FastSlam, ScanOutcome
 from slam.front_end import make_front_end
@@ -18,7 +20,7 @@ from slam.pose import Pose2
 from slam.quality import judge
 from slam.settings import SlamSettings
 from slam.sweep import Twist, with_motion_noise
-from slam.warm_up import TICK_NS, warm_up_drive, warm_up_settings, warm_up_window
+from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, warm_up_window
 
 FloatArray = NDArray[np.float64]
 
@@ -41,6 +43,7 @@ class Estimator:
             sparse=techniques.sparse,
             body_from_laser=mount,
         )
+        self._alignment = Alignment(settings.front_end, mount)
         self._particles = FastSlam(settings, self._generator)
         self._joint = JointGaussian(settings.joint, mount, settings.tuning())
         self._scan_ns: int | None = None
@@ -54,7 +57,7 @@ class Estimator:
         if scan is None or not self._is_new(scan):
             return self._predicted(stamp_ns)
         self._scan_ns = scan.stamp_ns
-        increment = self._odometry.take_until(scan.stamp_ns)
+        increment = self._alignment.refine(scan, self._odometry.take_until(scan.stamp_ns))
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
         predicted = self._joint.map_from_body @ increment.as_pose()
         features, verdicts = self._front_end.observe(scan, predicted, twist, increment.at_rest)
@@ -75,7 +78,7 @@ class Estimator:
         for front_end in ("given", "robust"):
             short = warm_up_settings(settings or SlamSettings(), front_end)
             estimator = cls(short, 0)
-            for stamp_ns, scan, wheels in warm_up_drive(short):
+            for stamp_ns, scan, wheels in chain(warm_up_drive(short), warm_up_gap(short)):
                 estimator.step(stamp_ns, scan, wheels)
             estimator.step(stamp_ns + TICK_NS, None, ())
         warm_up_window(JointGaussian(short.joint, short.mount.as_pose(), short.tuning()))
@@ -110,6 +113,7 @@ class Estimator:
             "resampled": float(outcome.resampled),
             "at_rest": float(increment.at_rest),
             "odometry_known": float(increment.known),
+            "scans_aligned": float(self._alignment.refined),
         }
         due = self._particles.scans % self._settings.map_every == 0
         return Estimate(

@@ -124,8 +124,8 @@ class RobustFrontEnd:
     ) -> tuple[Features, VerdictArray]:
         """All features may match; those on beams that the vote found again may create.
 
-        Where no scan is old enough and young enough to compare with, all may create (scans seconds apart, the first
-        moments of a run).
+        Where no scan is old enough and young enough to compare with, all may create: in the first moments of a run, and
+        where scans are seconds apart, which slam.alignment lays onto each other before they come here.
         """
         settings, scan = self._settings, _laser_scan(scan)
         beams = deskew(scan, twist, self._body_from_laser, settings.range_min_m, settings.range_max_m)

@@ -4,6 +4,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from slam.alignment_settings import AlignmentSettings
+
 
 class FrontEndSettings(BaseModel):
     """How beams become point features, and how exact a feature is taken to be."""
@@ -142,4 +144,7 @@ class FrontEndSettings(BaseModel):
     sigma_corner_m: float = Field(
         default=0.02, ge=0.0, le=1.0,
         description="how far a corner is from the meeting of two lines, m; real ones are blunt",
+    )
+    alignment: AlignmentSettings = Field(
+        default_factory=AlignmentSettings, description="scans that come seconds apart are laid onto each other"
     )

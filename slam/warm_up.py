@@ -25,6 +25,7 @@ RINGS_M = np.array((4.0, 6.0, 9.0, 12.0))
 BEARINGS_RAD = np.array((-1.0, 0.2, 0.9, -0.4))
 TICK_NS = 100_000_000
 TICKS = 15  # longer than any front end looks back
+LATE_TICK = TICKS + 20
 REST_TICKS = 2
 BEAMS = 1081
 POLES = ((4.0, -0.8), (6.0, 0.1), (9.0, 0.7))  # range m, bearing rad
@@ -48,7 +49,16 @@ def warm_up_settings(settings: SlamSettings, front_end: str) -> SlamSettings:
 
 def warm_up_drive(settings: SlamSettings) -> Iterator[WarmUpTick]:
     """Stamps, sightings or scans of a few things, and wheel samples of a drive of a second and a half."""
-    for tick in range(1, TICKS + 1):
+    yield from _drive(settings, range(1, TICKS + 1))
+
+
+def warm_up_gap(settings: SlamSettings) -> Iterator[WarmUpTick]:
+    """The same drive seconds later: the scan is laid onto those before it."""
+    yield from _drive(settings, range(LATE_TICK, LATE_TICK + 1))
+
+
+def _drive(settings: SlamSettings, numbers: range) -> Iterator[WarmUpTick]:
+    for tick in numbers:
         stamp_ns = tick * TICK_NS
         moved_m = 0.05 * max(tick - REST_TICKS, 0)
         seen = _sightings if settings.front_end.kind == "given" else _scan

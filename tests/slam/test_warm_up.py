@@ -28,7 +28,7 @@ def in_the_park():
     world = World(WorldSettings())
     estimator = Estimator(SlamSettings(particles=5, resample_share=1.0), 1)
     bearings = uniform_bearings(-0.75 * np.pi, np.pi / 720, 1081)
-    for tick in range(60):
+    for tick in (*range(60), 100):
         now = tick * 100_000_000
         left, right = (5215.2 * metres for metres in world.wheel_travel_m(now))
         ranges = world.ranges_at(now)
