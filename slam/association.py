@@ -10,7 +10,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.compiled import kernel, leaf
+from slam.compiled import inlined, kernel, leaf
 from slam.match_bounds import (
     GATE_BLOCK,
     accepts,
@@ -30,7 +30,7 @@ from slam.proposals import (
     with_noise,
 )
 from slam.tuning import Tuning
-from slam.unscented import square_root_into
+from slam.unscented import pose_root_into
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -49,7 +49,7 @@ class Strategy(IntEnum):
     KNOWN = 2
 
 
-@leaf
+@inlined
 def best_landmark(
     pose: FloatArray,
     covariance: FloatArray,
@@ -126,7 +126,7 @@ def associate_sequentially(
     log_weight, evaluated = 0.0, 0
     chosen[:] = PENDING
     root = np.empty((3, 3))
-    square_root_into(covariance, root)
+    pose_root_into(covariance, root)
     largest_rr = 0.0
     for feature in range(order.size):
         largest_rr = max(largest_rr, features[feature, 2])
@@ -168,7 +168,7 @@ def associate_sequentially(
             moments = with_noise(moments, sighting, winner)
             log_weight += log_likelihood(moments, squared_distance(moments, winner))
             fold_in(pose, covariance, moments, winner)
-            square_root_into(covariance, root)
+            pose_root_into(covariance, root)
             chosen[taker] = free
             used[free] = True
     return log_weight, evaluated
@@ -194,7 +194,7 @@ def fold_all(
             log_weight += tuning.log_unmatched if chosen[feature] != OUT_OF_RANGE else 0.0
             continue
         sighting = sighting_of(features, feature)
-        square_root_into(covariance, root)
+        pose_root_into(covariance, root)
         moments = moments_of(pose, covariance, root, mount, candidates[chosen[feature]], sighting, tuning)
         distance = squared_distance(moments, sighting)
         if distance < math.inf:
@@ -224,7 +224,7 @@ def associate_simultaneously(
     distances = np.empty(count)
     widest = max(-2.0 * tuning.match_floor, tuning.create_distance) if tuning.density else -2.0 * tuning.match_fixed
     root = np.empty((3, 3))
-    square_root_into(covariance, root)
+    pose_root_into(covariance, root)
     evaluated = 0
     for feature in range(count):
         free, distance, _, _, least, looked = best_landmark(
@@ -269,7 +269,7 @@ def associate_by_identity(
 ) -> int:
     """Match equal identities inside a wide gate; a feature without identity is left alone. Returns the likelihoods."""
     root = np.empty((3, 3))
-    square_root_into(covariance, root)
+    pose_root_into(covariance, root)
     evaluated = 0
     for feature in range(features.shape[0]):
         chosen[feature] = NEW if feature_identities[feature] >= 0 else UNLICENSED

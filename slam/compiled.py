@@ -28,3 +28,10 @@ def leaf(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]
     options: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False, "_nrt": False}
     compiled = numba.njit(**options)(function)
     return cast(Callable[Parameters, Result], compiled)
+
+
+def inlined(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """A leaf whose code stands in its caller: for what runs once per feature and takes many numbers as arguments."""
+    options: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False, "_nrt": False}
+    compiled = numba.njit(**options, forceinline=True)(function)
+    return cast(Callable[Parameters, Result], compiled)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.compiled import kernel, leaf
+from slam.compiled import inlined, kernel, leaf
 from slam.proposals import Moments, Proposal, Sighting, linearised_moments, unscented_moments
 from slam.tuning import Tuning
 
@@ -22,7 +22,7 @@ def sighting_of(features: FloatArray, index: int) -> Sighting:
     )
 
 
-@leaf
+@inlined
 def moments_of(
     pose: FloatArray,
     covariance: FloatArray,
@@ -38,7 +38,7 @@ def moments_of(
     return linearised_moments(pose, covariance, mount, landmark, noise)
 
 
-@leaf
+@inlined
 def accepts(distance: float, candidates: FloatArray, chosen: int, tuning: Tuning) -> bool:
     """True if a squared distance is within the bound for this landmark; what the densest place accepts, all do."""
     if tuning.density and distance <= -2.0 * tuning.match_base:
@@ -86,7 +86,7 @@ def gate_columns(candidates: FloatArray) -> FloatArray:
     return columns
 
 
-@leaf
+@inlined
 def all_outside(columns: FloatArray, first: int, x: float, y: float, variance: float, bound: float) -> bool:
     """True where no candidate of the block can lie within the bound (a squared distance) of a feature at (x, y)."""
     xs, ys = columns[0, first : first + GATE_BLOCK], columns[1, first : first + GATE_BLOCK]

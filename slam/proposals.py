@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.angles import angle_between, cosine_sine, half_turn, wrapped
-from slam.compiled import leaf
+from slam.compiled import inlined, leaf
 from slam.unscented import UnscentedWeights
 
 FloatArray = NDArray[np.float64]
@@ -97,7 +97,7 @@ def linearised_moments(
     )
 
 
-@leaf
+@inlined
 def unscented_moments(
     pose: FloatArray,
     root: FloatArray,
@@ -173,7 +173,7 @@ def unscented_moments(
     )
 
 
-@leaf
+@inlined
 def with_noise(moments: Moments, old: Sighting, new: Sighting) -> Moments:
     """The same prediction for another feature: only the sensor's own noise differs."""
     return Moments(
@@ -201,7 +201,7 @@ def landmark_root(landmark: FloatArray) -> tuple[float, float, float]:
     return first_x, first_y, math.sqrt(max(landmark[4] - first_y * first_y, 0.0))
 
 
-@leaf
+@inlined
 def squared_distance(moments: Moments, sighting: Sighting) -> float:
     """Squared Mahalanobis distance of a feature from its prediction; infinite if S is not positive definite."""
     determinant = moments.rr * moments.bb - moments.rb * moments.rb
@@ -212,14 +212,14 @@ def squared_distance(moments: Moments, sighting: Sighting) -> float:
     return (moments.bb * r * r - 2.0 * moments.rb * r * b + moments.rr * b * b) / determinant
 
 
-@leaf
+@inlined
 def log_likelihood(moments: Moments, distance: float) -> float:
     """Logarithm of (4): -1/2 log |2 pi S| - distance / 2, the whole of (2 pi)^2 |S| under the root."""
     determinant = moments.rr * moments.bb - moments.rb * moments.rb
     return -0.5 * (distance + math.log(4.0 * math.pi * math.pi * determinant))
 
 
-@leaf
+@inlined
 def fold_in(pose: FloatArray, covariance: FloatArray, moments: Moments, sighting: Sighting) -> None:
     """One landmark moves pose (3,) and covariance (3, 3), both in place: K = C S^-1, x += K nu, P -= K S K^T."""
     determinant = moments.rr * moments.bb - moments.rb * moments.rb

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slam.angles import angle_between, cosine_sine, wrapped
-from slam.unscented import UnscentedSettings, square_root, unscented_transform, unscented_weights
+from slam.unscented import UnscentedSettings, pose_root_into, square_root, unscented_transform, unscented_weights
 
 SETTINGS = UnscentedSettings()
 ANGLES = st.floats(-50.0, 50.0)
@@ -67,3 +67,14 @@ def test_the_short_series_agree_with_the_library(angle: float) -> None:
     cosine, sine = cosine_sine(angle)
     assert cosine == pytest.approx(math.cos(angle), abs=1e-14)
     assert sine == pytest.approx(math.sin(angle), abs=1e-14)
+
+
+@pytest.mark.parametrize("rank", [0, 1, 2, 3])
+def test_the_root_of_a_pose_covariance_is_that_of_any_matrix_to_the_last_bit(rank: int) -> None:
+    generator = np.random.default_rng(rank)
+    for _ in range(50):
+        columns = generator.normal(size=(3, rank)) * (0.1, 0.02, 0.003)[:rank]
+        covariance = columns @ columns.T if rank else np.zeros((3, 3))
+        written_out = np.full((3, 3), np.nan)
+        pose_root_into(covariance, written_out)
+        np.testing.assert_array_equal(written_out, square_root(covariance))
