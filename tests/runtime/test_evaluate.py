@@ -204,3 +204,16 @@ def test_a_set_with_reference_poses_and_relations_gives_both(recorded_data: Call
     figures = against_data_set(itself, truth, NO_MOUNT)
     assert figures["rms_m"] == pytest.approx(0.0, abs=1e-9)
     assert figures["relation_translation_m"] < 0.2
+
+
+def test_relations_and_poses_of_a_data_set_are_those_of_its_laser() -> None:
+    body = np.array([(float(t), 0.0, 0.0, 0.5 * t) for t in range(7)])  # turns on the spot
+    laser = np.array([(t, 0.3 * math.cos(heading), 0.3 * math.sin(heading), heading) for t, _, _, heading in body])
+    between = relative_poses(laser[:-1, 1:], laser[1:, 1:])
+    truth = DataSetTruth(poses=laser, relations=np.column_stack((laser[:-1, 0], laser[1:, 0], between)))
+    ahead = against_data_set(Trajectories(body, body, body, None), truth, (0.3, 0.0, 0.0))
+    assert ahead["relation_translation_m"] == pytest.approx(0.0, abs=1e-9)
+    assert ahead["rms_m"] == pytest.approx(0.0, abs=1e-9)
+    middle = against_data_set(Trajectories(body, body, body, None), truth, NO_MOUNT)
+    assert middle["relation_translation_m"] > 0.1
+    assert middle["rms_m"] > 0.1
