@@ -119,10 +119,11 @@ def review(
     from runtime.report.build import build_report, is_as_grave, report_lines
     from runtime.review import build_review
     from runtime.run_folder import RunFolder
+    from runtime.view import with_estimates
 
     report = build_report(run)
-    folder = RunFolder.open(run)
-    build_review(folder.mcap_path, folder.review_path)
+    folder = with_estimates(RunFolder.open(run))
+    build_review(folder.path, folder.review_path, progress=progress_bar("draw"))
     report["review"] = str(folder.review_path)
     typer.echo(json.dumps(report) if as_json else "\n".join([*report_lines(report), f"review    {folder.review_path}"]))
     if fail_on is not None and is_as_grave(report, fail_on.value):
@@ -156,7 +157,9 @@ def view(
     from runtime.run_folder import RunFolder
 
     folder = RunFolder.open(run)
+    progress = progress_bar("draw")
     if screenshot is not None:
-        viewer.screenshot(folder, screenshot)
+        for report in viewer.screenshot(folder, screenshot, progress=progress):
+            typer.echo(f"infant: the viewer reports: {report}", err=True)
     else:
-        viewer.open_review(folder, web)
+        viewer.open_review(folder, web, progress)

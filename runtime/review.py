@@ -21,6 +21,7 @@ def build_review(
     progress is told the share that is done. Raises NotARunError, StorageError.
     """
     os.environ.setdefault("RUST_LOG", "error")  # rerun's own words are not for whoever asked for a picture
+    from runtime.review_truth import truth_track
     from runtime.review_writer import ReviewWriter
 
     reader = RunReader(run)
@@ -29,9 +30,12 @@ def build_review(
     facts = {"run": reader.folder.path.name, "source": header.source, "created": header.created_utc} | {
         name: header.versions[name] for name in ("infant", "rerun-sdk") if name in header.versions
     }
+    track = truth_track(reader)
+    if track is not None:
+        facts["truth"] = track.name
     unfinished = out_rrd.with_name(out_rrd.name + ".unfinished")
     writer = ReviewWriter(
-        unfinished, settings or configuration.review, configuration.slam.mount.as_pose(), facts
+        unfinished, settings or configuration.review, configuration.slam.mount.as_pose(), facts, track
     )
     try:
         for record in reader.records():

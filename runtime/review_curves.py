@@ -45,8 +45,6 @@ def _draw_filter(columns: ReviewColumns, estimate: Estimate) -> None:
     for name, value in estimate.counts.items():
         if name in PLOTS:
             columns.scalar(f"plots/{PLOTS[name]}/{name}", value)
-        elif "innovation" in name:
-            columns.scalar(f"plots/innovation/{name}", value)
 
 
 def _draw_error(columns: ReviewColumns, estimate: Estimate, truth: Pose2 | None) -> None:

@@ -1,5 +1,6 @@
 """How review.rrd looks: what is drawn in which colour, and which view stands where."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.review_moments import ELAPSED
 from slam.observations import MatchVerdict
+from slam.pose import Pose2
 
 FloatArray = NDArray[np.float64]
 Color = tuple[int, int, int]
@@ -47,6 +49,11 @@ CURVES: dict[str, Color] = {
     "plots/map/landmarks": SURE,
     "plots/map/created": TRUTH,
     "plots/map/removed": MOVED,
+    "plots/innovation_range_m/mean": SLAM,
+    "plots/innovation_range_m/RMS": (150, 150, 165),
+    "plots/innovation_bearing_deg/mean": SLAM,
+    "plots/innovation_bearing_deg/RMS": (150, 150, 165),
+    "plots/clock/laser_ms": KEPT,
     "plots/filter/features": (150, 150, 165),
     "plots/filter/matched": TRUTH,
     "plots/sensors/laser_age_ms": KEPT,
@@ -63,7 +70,7 @@ LEGEND = """\
 |---|---|
 | blue line | SLAM: the published pose |
 | orange line | odometry alone |
-| green line | truth, where it is known |
+| green line or points | truth, where it is known; of a data set: brought onto the map by the best rigid motion |
 | white points | laser, kept |
 | red points | laser, rejected: moved between scans |
 | grey points | laser, nothing to compare with |
@@ -111,8 +118,8 @@ class Extent:
         return 1.08 * max(self.high_y_m - self.low_y_m, (self.high_x_m - self.low_x_m) / 1.05, 5.0)
 
 
-def draw_static(recording: rr.RecordingStream, facts: dict[str, str], sigmas: float) -> None:
-    """Styles, the rover's shape and the legend: said once."""
+def draw_static(recording: rr.RecordingStream, facts: dict[str, str], sigmas: float, body_from_laser: Pose2) -> None:
+    """Styles, the rover's shape, where the laser stands on it, and the legend: said once."""
     recording.log("map", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for path, color, size in (
         ("map/laser/kept", KEPT, 1.3),
@@ -138,6 +145,7 @@ def draw_static(recording: rr.RecordingStream, facts: dict[str, str], sigmas: fl
         disc = rr.Ellipsoids3D.from_fields(fill_mode="solid", colors=colors)
         recording.log(path, disc, static=True)
     draw_rover(recording, "map/rover", SLAM)
+    draw_laser(recording, "map/rover/laser", body_from_laser)
     for path, color in CURVES.items():
         curve = rr.SeriesLines(colors=[color], names=path.rsplit("/", 1)[1].replace("_", " "), widths=1.5)
         recording.log(path, curve, static=True)
@@ -154,8 +162,33 @@ def draw_rover(recording: rr.RecordingStream, path: str, color: Color) -> None:
     recording.log(f"{path}/shape", shape, static=True)
 
 
+def draw_laser(recording: rr.RecordingStream, path: str, body_from_laser: Pose2) -> None:
+    """The laser's frame on the rover: x ahead red, y left green, 0.3 m each."""
+    half_rad = 0.5 * body_from_laser.heading_rad
+    quaternion = rr.Quaternion(xyzw=(0.0, 0.0, math.sin(half_rad), math.cos(half_rad)))
+    place_m = (body_from_laser.x_m, body_from_laser.y_m, 0.0)
+    recording.log(path, rr.Transform3D(translation=place_m, quaternion=quaternion), static=True)
+    origin, height = (0.0, 0.0, ROVER_HEIGHT_M), ROVER_HEIGHT_M
+    axes = rr.LineStrips3D(
+        [[origin, (0.3, 0.0, height)], [origin, (0.0, 0.3, height)]],
+        colors=[(255, 75, 75), (95, 225, 120)],
+        radii=rr.Radius.ui_points(1.2),
+    )
+    recording.log(f"{path}/axes", axes, static=True)
+
+
+def draw_set_truth(recording: rr.RecordingStream, landmarks_m: FloatArray) -> None:
+    """Style of a data set's true places, and where landmarks (n, 2) really stand in the map frame, if it knows."""
+    style = rr.Points3D.from_fields(colors=[TRUTH], radii=rr.Radius.ui_points(2.0))
+    recording.log("map/truth_places", style, static=True)
+    if len(landmarks_m):
+        places_m = np.column_stack((landmarks_m, np.full(len(landmarks_m), 0.1)))
+        rings = rr.Points3D(places_m, colors=[TRUTH], radii=rr.Radius.ui_points(4.0))
+        recording.log("map/truth_landmarks", rings, static=True)
+
+
 def layout(extent: Extent, with_truth: bool) -> rrb.Blueprint:
-    """Map from above, the rover's surroundings, four plots, events and legend."""
+    """Map from above, surroundings in the rover's and in the laser's frame, plots, events and legend."""
     x_m, y_m = extent.center_m
     whole = rrb.Spatial3DView(
         name="map from above",
@@ -175,6 +208,15 @@ def layout(extent: Extent, with_truth: bool) -> rrb.Blueprint:
         background=(14, 16, 20),
         overrides=_whole_paths(),
     )
+    laser = rrb.Spatial3DView(
+        name="laser frame",
+        origin="map/rover/laser",
+        contents=["map/laser/**", "- map/laser/trace", "map/rover/laser/**", "map/association/**"],
+        eye_controls=_from_above((0.0, 0.0, 0.0), 2.0 * AROUND_M),
+        line_grid=_grid(AROUND_M),
+        background=(14, 16, 20),
+    )
+    near = rrb.Tabs(around, laser)
     error = "error (m): SLAM blue, odometry orange" if with_truth else "2 sigma of the position (m)"
     plots = rrb.Grid(
         _plot(error, "plots/error"),
@@ -183,7 +225,9 @@ def layout(extent: Extent, with_truth: bool) -> rrb.Blueprint:
         rrb.Tabs(
             _plot("age (ms): laser, wheels", "plots/sensors"),
             _plot("landmarks", "plots/map"),
-            _plot("innovation", "plots/innovation"),
+            _plot("innovation, range (m): mean blue, RMS grey", "plots/innovation_range_m"),
+            _plot("innovation, bearing (deg): mean blue, RMS grey", "plots/innovation_bearing_deg"),
+            _plot("laser clock behind host (ms): a slope is drift", "plots/clock"),
         ),
         grid_columns=2,
     )
@@ -192,7 +236,7 @@ def layout(extent: Extent, with_truth: bool) -> rrb.Blueprint:
         rrb.TextDocumentView(name="legend", origin="legend"),
     )
     return rrb.Blueprint(
-        rrb.Horizontal(whole, rrb.Vertical(around, plots, words, row_shares=[9, 9, 4]), column_shares=[11, 9]),
+        rrb.Horizontal(whole, rrb.Vertical(near, plots, words, row_shares=[9, 9, 4]), column_shares=[11, 9]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=ELAPSED),
@@ -220,7 +264,7 @@ def _whole_paths() -> Any:
         start=rrb.TimeRangeBoundary.infinite(),
         end=rrb.TimeRangeBoundary.cursor_relative(),
     )
-    pieces = ("map/path/SLAM", "map/path/odometry", "map/path/truth", "map/laser/trace")
+    pieces = ("map/path/SLAM", "map/path/odometry", "map/path/truth", "map/laser/trace", "map/truth_places")
     return dict.fromkeys(pieces, until_now)
 
 

@@ -18,7 +18,7 @@ FloatArray = NDArray[np.float64]
 ELAPSED, TICK = "elapsed", "tick"
 """The two timelines: seconds since the first tick, and the number of the tick."""
 
-TOPICS = frozenset(("/scan", "/tick", "/estimate", "/timing", "/truth", "/gap"))
+TOPICS = frozenset(("/scan", "/tick", "/estimate", "/timing", "/truth", "/gap", "/raw/laser"))
 """What the review is made from; other topics need not be sent to it."""
 
 

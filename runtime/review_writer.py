@@ -10,11 +10,24 @@ from numpy.typing import NDArray
 from drivers.measurements import Scan
 from runtime.errors import StorageError
 from runtime.messages import Record
+from runtime.review_clock import LaserClock
 from runtime.review_columns import ReviewColumns
 from runtime.review_curves import draw_curves
-from runtime.review_layout import DOUBTED, SURE, TRUTH, VERDICTS, Extent, draw_rover, draw_static, layout
+from runtime.review_innovation import draw_innovation, innovations, predicted_motion
+from runtime.review_layout import (
+    DOUBTED,
+    SURE,
+    TRUTH,
+    VERDICTS,
+    Extent,
+    draw_rover,
+    draw_set_truth,
+    draw_static,
+    layout,
+)
 from runtime.review_moments import Moment, MomentAssembler, Motion, beam_points
 from runtime.review_settings import ReviewSettings
+from runtime.review_truth import TruthTrack
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.observations import BeamVerdict, Features
 from slam.pose import Pose2
@@ -35,7 +48,7 @@ PATHS = ("SLAM", "odometry", "truth")
 class ReviewWriter:
     """Takes records in the order of writing and draws them. Memory stays flat; nothing is read back.
 
-    body_from_laser: the laser's mount; facts: lines for the legend.
+    body_from_laser: the laser's mount; facts: lines for the legend; track: what an imported data set knows.
     Raises StorageError when the file cannot be made.
     """
 
@@ -45,6 +58,7 @@ class ReviewWriter:
         settings: ReviewSettings,
         body_from_laser: Pose2 | None = None,
         facts: Mapping[str, str] | None = None,
+        track: TruthTrack | None = None,
     ) -> None:
         self._path = path
         self._settings = settings
@@ -56,7 +70,10 @@ class ReviewWriter:
         self._start_ns: int | None = None
         self._drawn = 0
         self._last_drawn: dict[str, int] = {}
-        self._with_truth = False
+        self._with_truth = track is not None
+        self._track = track
+        self._track_drawn = 0
+        self._clock = LaserClock()
         self._ends: dict[str, FloatArray] = {}
         self._paths: dict[str, list[tuple[float, float]]] = {name: [] for name in PATHS}
         self._recording = rr.RecordingStream("infant", recording_id=f"infant-{path.parent.name}")
@@ -66,11 +83,18 @@ class ReviewWriter:
         except (RuntimeError, OSError) as error:
             raise StorageError(f"{path} cannot be written ({error}); give a folder that can") from error
         self._recording.send_recording_name(path.parent.name or "run")
-        draw_static(self._recording, dict(facts or {}), settings.sigmas)
+        draw_static(self._recording, dict(facts or {}), settings.sigmas, self._body_from_laser)
+        if track is not None:
+            draw_set_truth(self._recording, track.landmarks_m)
         self._columns = ReviewColumns(self._recording)
 
     def feed(self, record: Record) -> None:
         """One record of the run; topics that are not drawn are passed over."""
+        if record.topic == "/raw/laser":
+            offset_ms = self._clock.feed(record)
+            if offset_ms is not None and self._start_ns is not None:
+                self._columns.scalar("plots/clock/laser_ms", offset_ms)
+            return
         moment = self._moments.feed(record)
         if moment is not None:
             self._draw(moment)
@@ -99,6 +123,9 @@ class ReviewWriter:
         draw_curves(self._columns, moment)
         if estimate is not None:
             motion = Motion.between(self._before, estimate)
+            self._draw_track(tick.stamp_ns)
+            if self._before is not None:
+                self._draw_innovation(estimate, predicted_motion(self._before, estimate, motion))
             self._draw_poses(estimate, moment.truth)
             self._draw_particles(estimate)
             self._draw_landmarks(estimate)
@@ -142,6 +169,24 @@ class ReviewWriter:
             self._with_truth = True
             self._columns.pose("map/truth", truth)
             self._paths["truth"].append((truth.x_m, truth.y_m))
+
+    def _draw_track(self, until_ns: int) -> None:
+        """The places of a data set's truth that have been passed by now, and the error there."""
+        if self._track is None:
+            return
+        first, self._track_drawn = self._track_drawn, int(np.searchsorted(self._track.stamps_ns, until_ns, "right"))
+        passed = slice(first, self._track_drawn)
+        if first == self._track_drawn:
+            return
+        self._columns.points("map/truth_places", self._track.places_m[passed])
+        self._columns.scalar("plots/error/SLAM_m", float(self._track.errors_m[passed][-1]))
+        self._extent = self._extent.with_points(self._track.places_m[passed])
+
+    def _draw_innovation(self, estimate: Estimate, predicted: Motion) -> None:
+        if self._landmarks is None or estimate.features is None or estimate.matches is None:
+            return
+        errors = innovations(estimate.features, estimate.matches, self._landmarks, predicted, self._body_from_laser)
+        draw_innovation(self._columns, *errors)
 
     def _draw_particles(self, estimate: Estimate) -> None:
         if estimate.particles is not None and self._due("particles", self._settings.particles_every):

@@ -5,15 +5,16 @@ import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
-from runtime.errors import ConfigurationError, StorageError
+from runtime.errors import ConfigurationError, StorageError, UsageError
 from runtime.review_moments import ELAPSED
 from runtime.run_folder import RunFolder
+from runtime.run_reader import RunReader
 
 LOOPBACK = "127.0.0.1"
 READY_S = 60.0
@@ -23,21 +24,36 @@ SETTLE_S = 2.0  # after the last change of time: textures and plots are drawn ov
 NO_VULKAN = "the viewer has no graphics driver; apt-get install mesa-vulkan-drivers draws without a graphics card"
 
 
-def review_path(folder: RunFolder) -> Path:
-    """The review.rrd of a run, made from run.mcap if it is not there. Raises NotARunError, StorageError."""
+def review_path(folder: RunFolder, progress: Callable[[float], None] | None = None) -> Path:
+    """The review.rrd of a run, made from run.mcap if it is not there; of the newest replay if the run was imported.
+
+    progress is told the share that is drawn. Raises NotARunError, StorageError, UsageError (an import, no replay).
+    """
+    folder = with_estimates(folder)
     if not folder.review_path.is_file():
         from runtime.review import build_review
 
-        build_review(folder.path, folder.review_path)
+        build_review(folder.path, folder.review_path, progress=progress)
     return folder.review_path
 
 
-def open_review(folder: RunFolder, web: bool = False) -> int:
+def with_estimates(folder: RunFolder) -> RunFolder:
+    """The run itself, or its newest replay if it was imported. Raises NotARunError, UsageError (no replay yet)."""
+    if not RunReader(folder.path).header.is_import:
+        return folder
+    newest = folder.newest_replay()
+    if newest is None:
+        path = folder.path
+        raise UsageError(f"{path} was imported and has no estimates yet; make them with: infant replay {path}")
+    return newest
+
+
+def open_review(folder: RunFolder, web: bool = False, progress: Callable[[float], None] | None = None) -> int:
     """Open the viewer and wait until it is closed; with `web` serve it to a browser on this machine.
 
     Returns the viewer's exit code. Raises ConfigurationError when the viewer is not installed.
     """
-    return subprocess.call(viewer_command(review_path(folder), web), env=viewer_environment())
+    return subprocess.call(viewer_command(review_path(folder, progress), web), env=viewer_environment())
 
 
 def viewer_command(rrd: Path, web: bool) -> list[str]:
@@ -47,14 +63,18 @@ def viewer_command(rrd: Path, web: bool) -> list[str]:
 
 
 def screenshot(
-    folder: RunFolder, png: Path, at_s: float | None = None, size: tuple[int, int] = (1600, 1000)
+    folder: RunFolder,
+    png: Path,
+    at_s: float | None = None,
+    size: tuple[int, int] = (1600, 1000),
+    progress: Callable[[float], None] | None = None,
 ) -> list[str]:
     """Render the review of a run into a PNG without a screen, at a time of the run or at its end.
 
     Returns the errors that the views report, none if all is well.
     Raises ConfigurationError when there is no viewer or no driver, StorageError when the PNG cannot be written.
     """
-    with headless_viewer(review_path(folder), size) as client:
+    with headless_viewer(review_path(folder, progress), size) as client:
         end_s = last_time_s(client.get_state())
         client.set_time(ELAPSED, duration=end_s if at_s is None else min(at_s, end_s), play_state="paused")
         time.sleep(SETTLE_S)
@@ -71,13 +91,13 @@ def reported_errors(state: Any) -> list[str]:
     return [f"{view.name}: {report}" for view in state.views for report in view.reports]
 
 
-def last_time_s(state: Any) -> float:
-    """Where the timeline ends that is measured in seconds; -1 while there is none."""
+def last_time_s(state: Any, name: str = ELAPSED) -> float:
+    """Where the timeline of that name ends, which counts nanoseconds; -1 while there is none."""
     ends_ns = [
         timeline.end
         for recording in state.recordings
         for timeline in recording.timelines
-        if timeline.name == ELAPSED and timeline.end is not None
+        if timeline.name == name and timeline.end is not None
     ]
     return max(ends_ns) * 1e-9 if ends_ns else -1.0
 
@@ -118,8 +138,10 @@ def free_port() -> int:
 
 
 @contextmanager
-def headless_viewer(rrd: Path, size: tuple[int, int]) -> Iterator[Any]:
-    """A client of an invisible viewer that has loaded the file; the viewer ends with the block.
+def headless_viewer(file: Path, size: tuple[int, int], timeline: str = ELAPSED) -> Iterator[Any]:
+    """A client of an invisible viewer that has loaded a .rrd or .mcap; the viewer ends with the block.
+
+    timeline: one that counts nanoseconds, by which it is seen that all has been loaded.
 
     Raises ConfigurationError when it does not come up.
     """
@@ -127,18 +149,20 @@ def headless_viewer(rrd: Path, size: tuple[int, int]) -> Iterator[Any]:
 
     port = free_port()
     command = [viewer_path(), "--headless", "--port", str(port), "--bind", LOOPBACK]
-    command += ["--window-size", f"{size[0]}x{size[1]}", str(rrd)]
+    command += ["--window-size", f"{size[0]}x{size[1]}", str(file)]
     with tempfile.TemporaryFile() as words:
         environment = {**viewer_environment(), "WGPU_BACKEND": "vulkan"}
         viewer = subprocess.Popen(command, env=environment, stdout=words, stderr=words)
         try:
-            yield _loaded_client(viewer, ViewerClient, f"rerun+http://{LOOPBACK}:{port}/proxy", words)
+            yield _loaded_client(viewer, ViewerClient, f"rerun+http://{LOOPBACK}:{port}/proxy", words, timeline)
         finally:
             viewer.kill()
             viewer.wait()
 
 
-def _loaded_client(viewer: "subprocess.Popen[bytes]", connector: Any, url: str, words: IO[bytes]) -> Any:
+def _loaded_client(
+    viewer: "subprocess.Popen[bytes]", connector: Any, url: str, words: IO[bytes], timeline: str
+) -> Any:
     """Connect, and wait until the file is loaded and its layout has views."""
     client: Any = None
     before = -1.0
@@ -151,8 +175,9 @@ def _loaded_client(viewer: "subprocess.Popen[bytes]", connector: Any, url: str, 
         try:
             client = client or connector.connect(url)
             state = client.get_state()
-            end_s = last_time_s(state)
-            if state.views and not state.loading and 0.0 <= end_s == before:
+            end_s = last_time_s(state, timeline)
+            arranged = bool(state.views) or timeline != ELAPSED  # only a review brings its layout with it
+            if arranged and not state.loading and 0.0 <= end_s == before:
                 return client  # nothing has been added since the last look
             before = end_s
         except (RuntimeError, ConnectionError, OSError):
