@@ -4,7 +4,7 @@ The increment is expressed in the body frame at the previous scan, so that it is
 """
 
 from collections import deque
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,7 +143,7 @@ class Odometry:
 
     def _plausible(self, sample: WheelSample) -> bool:
         """True for finite numbers that a vehicle can have."""
-        if not all(abs(value) < FARTHEST for value in astuple(sample)[1:]):
+        if not all(abs(getattr(sample, field.name)) < FARTHEST for field in fields(sample)[1:]):
             return False
         if isinstance(sample, SpeedSteering):
             return abs(sample.speed_mps) <= self._settings.max_speed_mps and abs(sample.steering_rad) < STEEPEST_RAD

@@ -108,7 +108,8 @@ class Segmenter:
             rows.append(self._unknown(duration))
             return Cursor(stamp_ns, sample, sample), False, 1
         rows.append(self._moved(duration, self._difference(cursor.sample, sample), gap))
-        return replace(fresh, rate=(whole[0] / silence, whole[1] / silence, whole[2] / silence)), gap == 0.0, 0
+        rate = (whole[0] / silence, whole[1] / silence, whole[2] / silence)
+        return Cursor(stamp_ns, sample, sample, rate), gap == 0.0, 0
 
     def _past_samples(
         self, cursor: Cursor, following: WheelSample | None, stamp_ns: int, rows: list[tuple[float, ...]]
