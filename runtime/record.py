@@ -14,6 +14,7 @@ from runtime.marks import take_marks
 from runtime.messages import Gap, LaserBytes, Record, encode_gap, encode_laser_bytes
 from runtime.publish_messages import landmark_json
 from runtime.record_room import FULL, make_room
+from runtime.review_moments import SEGMENT
 from runtime.ros_messages import encode_can_frame, encode_events
 from runtime.run_folder import RunFolder
 from runtime.run_header import RunHeader
@@ -238,6 +239,7 @@ class Recorder:
         if self._troubles["write"] and now_ns - self._tried_ns < RETRY_NS:
             return
         self._tried_ns = now_ns
+        number = self._file.number
         try:
             self._file.write()
             self._troubles["write"] = ""
@@ -246,6 +248,8 @@ class Recorder:
             self._troubles["write"] = f"run.mcap cannot be written ({error.strerror})"
         except StorageError as error:
             self._troubles["write"] = str(error)
+        if self._tee is not None and self._file.number != number:
+            self._tee(Record(SEGMENT, now_ns, b"%d" % number))  # the review is rotated with the segments
 
     def _sync(self) -> None:
         try:

@@ -45,7 +45,8 @@ def make_room(folder: RunFolder, manifest: Manifest, settings: RecordSettings, i
     others = _other_runs(folder) if settings.budget_gb else []
     candidates = _closed(folder, manifest) + [old for run in others for old in _closed(*run)]
     candidates.sort(key=lambda old: old.age_ns, reverse=True)  # the oldest is popped first
-    used = sum(path.stat().st_size for run in (folder, *(run for run, _ in others)) for path in run.segment_paths())
+    runs = (folder, *(run for run, _ in others))
+    used = sum(path.stat().st_size for run in runs for path in (*run.segment_paths(), *run.review_paths()))
     while True:
         reason = _excess(folder, settings, used) or ("the disk was full" if is_full else "")
         if not reason:
@@ -53,12 +54,16 @@ def make_room(folder: RunFolder, manifest: Manifest, settings: RecordSettings, i
         if not candidates:
             return f"{reason}, and there is no unmarked segment to remove"
         old = candidates.pop()
+        drawn = old.path.with_name("review" + old.path.stem.removeprefix("run") + ".rrd")
         used -= old.path.stat().st_size
         is_full = False
         old.manifest.add("removed", name=old.path.name, reason=f"removed for room: {reason}")
         with contextlib.suppress(OSError):  # a full disk may have no room for the manifest either
             old.manifest.save()  # before the file goes: a loss of power between the two leaves more than was promised
         old.path.unlink()
+        if drawn.is_file():
+            used -= drawn.stat().st_size
+            drawn.unlink()
         if not old.manifest.saved:
             old.manifest.save()
 

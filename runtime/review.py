@@ -7,6 +7,7 @@ from pathlib import Path
 from runtime.config import load_configuration_text
 from runtime.review_moments import TOPICS
 from runtime.review_settings import ReviewSettings
+from runtime.run_folder import RunFolder
 from runtime.run_reader import RunReader
 
 
@@ -16,7 +17,7 @@ def build_review(
     settings: ReviewSettings | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> None:
-    """Make review.rrd again from a run; the old one stays until the new one is whole.
+    """Make review.rrd again from a run, as one file; the old ones stay until the new one is whole.
 
     progress is told the share that is done. Raises NotARunError, StorageError.
     """
@@ -45,5 +46,8 @@ def build_review(
                     progress(reader.read_fraction)
         writer.close()
         os.replace(unfinished, out_rrd)
+        for part in RunFolder(out_rrd.parent).review_paths():
+            if part != out_rrd:
+                part.unlink()  # it is in the new one
     finally:
         unfinished.unlink(missing_ok=True)

@@ -18,7 +18,10 @@ FloatArray = NDArray[np.float64]
 ELAPSED, TICK = "elapsed", "tick"
 """The two timelines: seconds since the first tick, and the number of the tick."""
 
-TOPICS = frozenset(("/scan", "/tick", "/estimate", "/timing", "/truth", "/gap", "/raw/laser"))
+SEGMENT = "/segment"
+"""Not in the record: the recorder says that a segment has been closed, whose number is the data as decimal digits."""
+
+TOPICS = frozenset(("/scan", "/tick", "/estimate", "/timing", "/truth", "/gap", "/raw/laser", SEGMENT))
 """What the review is made from; other topics need not be sent to it."""
 
 

@@ -1,5 +1,6 @@
 """Draws a run into review.rrd: a pure function of the records, so that it can be made again from run.mcap."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -25,9 +26,10 @@ from runtime.review_layout import (
     draw_static,
     layout,
 )
-from runtime.review_moments import Moment, MomentAssembler, Motion, beam_points
+from runtime.review_moments import SEGMENT, Moment, MomentAssembler, Motion, beam_points
 from runtime.review_settings import ReviewSettings
 from runtime.review_truth import TruthTrack
+from runtime.run_folder import RunFolder
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.observations import BeamVerdict, Features
 from slam.pose import Pose2
@@ -76,20 +78,15 @@ class ReviewWriter:
         self._clock = LaserClock()
         self._ends: dict[str, FloatArray] = {}
         self._paths: dict[str, list[tuple[float, float]]] = {name: [] for name in PATHS}
-        self._recording = rr.RecordingStream("infant", recording_id=f"infant-{path.parent.name}")
-        try:
-            # a footer would keep a manifest of all chunks in memory: 155 MB an hour
-            self._recording.save(path, layout(self._extent, True), write_footer=False)
-        except (RuntimeError, OSError) as error:
-            raise StorageError(f"{path} cannot be written ({error}); give a folder that can") from error
-        self._recording.send_recording_name(path.parent.name or "run")
-        draw_static(self._recording, dict(facts or {}), settings.sigmas, self._body_from_laser)
-        if track is not None:
-            draw_set_truth(self._recording, track.landmarks_m)
+        self._facts = dict(facts or {})
+        self._recording = self._begin()
         self._columns = ReviewColumns(self._recording)
 
     def feed(self, record: Record) -> None:
-        """One record of the run; topics that are not drawn are passed over."""
+        """One record of the run; topics that are not drawn are passed over, SEGMENT begins another file."""
+        if record.topic == SEGMENT:
+            self._rotate(int(record.data))
+            return
         if record.topic == "/raw/laser":
             offset_ms = self._clock.feed(record)
             if offset_ms is not None and self._start_ns is not None:
@@ -104,6 +101,25 @@ class ReviewWriter:
         moment = self._moments.last()
         if moment is not None:
             self._draw(moment)
+        self._end()
+
+    def _begin(self) -> rr.RecordingStream:
+        """A new file; all files of a run have one identity, by which a viewer puts them together."""
+        recording = rr.RecordingStream("infant", recording_id=f"infant-{self._path.parent.name}")
+        try:
+            # a footer would keep a manifest of all chunks in memory: 155 MB an hour
+            recording.save(self._path, layout(self._extent, True), write_footer=False)
+        except (RuntimeError, OSError) as error:
+            raise StorageError(f"{self._path} cannot be written ({error}); give a folder that can") from error
+        recording.send_recording_name(self._path.parent.name or "run")
+        draw_static(recording, self._facts, self._settings.sigmas, self._body_from_laser)
+        if self._track is not None:
+            draw_set_truth(recording, self._track.landmarks_m)
+        elif self._with_truth:
+            draw_rover(recording, "map/truth", TRUTH)
+        return recording
+
+    def _end(self) -> None:
         self._flush()
         self._recording.send_blueprint(layout(self._extent, self._with_truth), make_active=True, make_default=True)
         try:
@@ -112,6 +128,16 @@ class ReviewWriter:
             raise StorageError(f"{self._path} is not whole ({error}); free space and make it again") from error
         finally:
             self._recording.disconnect()
+
+    def _rotate(self, number: int) -> None:
+        """Close the file under the number of its segment and go on in a new one."""
+        self._end()
+        try:
+            os.replace(self._path, self._path.with_name(RunFolder.closed_review_name(number)))
+        except OSError as error:
+            raise StorageError(f"{self._path} cannot be renamed ({error.strerror}); check the disk") from error
+        self._recording = self._begin()
+        self._columns = ReviewColumns(self._recording)
 
     def _draw(self, moment: Moment) -> None:
         """One tick."""

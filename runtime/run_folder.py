@@ -13,6 +13,7 @@ from uuid import uuid4
 from runtime.errors import NotARunError, RunExistsError, StorageError
 
 CLOSED_NAME = re.compile(r"run-(\d{4,})\.mcap")
+CLOSED_REVIEW = re.compile(r"review-\d{4,}\.rrd")
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +95,19 @@ class RunFolder:
 
     @property
     def review_path(self) -> Path:
-        """The same for eyes; can be made again."""
+        """The same for eyes; can be made again. Of a long run that was drawn live: its last part."""
         return self.path / "review.rrd"
+
+    @staticmethod
+    def closed_review_name(number: int) -> str:
+        """The part of the review that was drawn while a segment was written."""
+        return f"review-{number:04d}.rrd"
+
+    def review_paths(self) -> list[Path]:
+        """All files of the review that are there, oldest first; together they are one picture."""
+        last = [self.review_path] if self.review_path.is_file() else []
+        parts = [path for path in self.path.glob("review-*.rrd") if CLOSED_REVIEW.fullmatch(path.name)]
+        return [*sorted(parts, key=lambda path: (len(path.name), path.name)), *last]
 
     @property
     def configuration_path(self) -> Path:

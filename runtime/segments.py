@@ -40,6 +40,11 @@ class Segments:
         self._begin(*self._create())
 
     @property
+    def number(self) -> int:
+        """Of the segment that is being written."""
+        return self._number
+
+    @property
     def pending_bytes(self) -> int:
         """Bytes that the disk has not taken yet."""
         return self._held_bytes + (self._file.pending_bytes if self._file is not None else 0)

@@ -5,7 +5,7 @@ import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -24,8 +24,8 @@ SETTLE_S = 2.0  # after the last change of time: textures and plots are drawn ov
 NO_VULKAN = "the viewer has no graphics driver; apt-get install mesa-vulkan-drivers draws without a graphics card"
 
 
-def review_path(folder: RunFolder, progress: Callable[[float], None] | None = None) -> Path:
-    """The review.rrd of a run, made from run.mcap if it is not there; of the newest replay if the run was imported.
+def review_paths(folder: RunFolder, progress: Callable[[float], None] | None = None) -> list[Path]:
+    """Files of a run's review, made from run.mcap if the last is missing; of the newest replay if it was imported.
 
     progress is told the share that is drawn. Raises NotARunError, StorageError, UsageError (an import, no replay).
     """
@@ -34,7 +34,7 @@ def review_path(folder: RunFolder, progress: Callable[[float], None] | None = No
         from runtime.review import build_review
 
         build_review(folder.path, folder.review_path, progress=progress)
-    return folder.review_path
+    return folder.review_paths()
 
 
 def with_estimates(folder: RunFolder) -> RunFolder:
@@ -53,12 +53,12 @@ def open_review(folder: RunFolder, web: bool = False, progress: Callable[[float]
 
     Returns the viewer's exit code. Raises ConfigurationError when the viewer is not installed.
     """
-    return subprocess.call(viewer_command(review_path(folder, progress), web), env=viewer_environment())
+    return subprocess.call(viewer_command(review_paths(folder, progress), web), env=viewer_environment())
 
 
-def viewer_command(rrd: Path, web: bool) -> list[str]:
+def viewer_command(rrds: Sequence[Path], web: bool) -> list[str]:
     """The viewer's command line: every port that it opens is one of the loopback."""
-    command = [viewer_path(), str(rrd), "--bind", LOOPBACK, "--port", str(free_port())]
+    command = [viewer_path(), *map(str, rrds), "--bind", LOOPBACK, "--port", str(free_port())]
     return [*command, "--web-viewer", "--web-viewer-port", str(free_port())] if web else command
 
 
@@ -74,7 +74,7 @@ def screenshot(
     Returns the errors that the views report, none if all is well.
     Raises ConfigurationError when there is no viewer or no driver, StorageError when the PNG cannot be written.
     """
-    with headless_viewer(review_path(folder, progress), size) as client:
+    with headless_viewer(review_paths(folder, progress), size) as client:
         end_s = last_time_s(client.get_state())
         client.set_time(ELAPSED, duration=end_s if at_s is None else min(at_s, end_s), play_state="paused")
         time.sleep(SETTLE_S)
@@ -138,8 +138,8 @@ def free_port() -> int:
 
 
 @contextmanager
-def headless_viewer(file: Path, size: tuple[int, int], timeline: str = ELAPSED) -> Iterator[Any]:
-    """A client of an invisible viewer that has loaded a .rrd or .mcap; the viewer ends with the block.
+def headless_viewer(files: Sequence[Path], size: tuple[int, int], timeline: str = ELAPSED) -> Iterator[Any]:
+    """A client of an invisible viewer that has loaded .rrd or .mcap files; the viewer ends with the block.
 
     timeline: one that counts nanoseconds, by which it is seen that all has been loaded.
 
@@ -149,7 +149,7 @@ def headless_viewer(file: Path, size: tuple[int, int], timeline: str = ELAPSED) 
 
     port = free_port()
     command = [viewer_path(), "--headless", "--port", str(port), "--bind", LOOPBACK]
-    command += ["--window-size", f"{size[0]}x{size[1]}", str(file)]
+    command += ["--window-size", f"{size[0]}x{size[1]}", *map(str, files)]
     with tempfile.TemporaryFile() as words:
         environment = {**viewer_environment(), "WGPU_BACKEND": "vulkan"}
         viewer = subprocess.Popen(command, env=environment, stdout=words, stderr=words)

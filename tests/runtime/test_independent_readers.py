@@ -134,7 +134,7 @@ def test_rerun_finds_nothing_wrong_with_the_file_and_loads_every_topic(mcap: Pat
 
 @pytest.mark.browser
 def test_the_viewer_opens_the_record_itself_without_an_error(mcap: Path) -> None:
-    with headless_viewer(mcap, (1000, 700), timeline="message_log_time") as client:
+    with headless_viewer([mcap], (1000, 700), timeline="message_log_time") as client:
         state = client.get_state()
     assert state.recordings
     assert reported_errors(state) == []

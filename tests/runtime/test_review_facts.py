@@ -22,7 +22,7 @@ from runtime.run_header import RunHeader
 from runtime.run_reader import RunReader
 from runtime.tick import Tick
 from runtime.tick_records import tick_records
-from runtime.view import review_path
+from runtime.view import review_paths
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.observations import Features
 from slam.pose import Pose2
@@ -138,4 +138,4 @@ def test_the_review_of_an_import_is_that_of_its_newest_replay(tmp_path: Path) ->
     replay = imported.replays_path / "one"
     write_imported_run(replay, Pose2(), 0.0)
     (replay / "summary.json").write_text("{}")
-    assert review_path(imported) == replay / "review.rrd"
+    assert review_paths(imported) == [replay / "review.rrd"]

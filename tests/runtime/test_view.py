@@ -19,7 +19,7 @@ from runtime.run_header import RunHeader
 from runtime.view import (
     headless_viewer,
     reported_errors,
-    review_path,
+    review_paths,
     screenshot,
     viewer_command,
     viewer_environment,
@@ -72,7 +72,7 @@ def test_the_map_is_seen_from_above_with_north_up(run: RunFolder, tmp_path: Path
 
 @pytest.mark.browser
 def test_every_view_is_there_and_reports_no_error(run: RunFolder) -> None:
-    with headless_viewer(review_path(run), (1200, 800)) as client:
+    with headless_viewer(review_paths(run), (1200, 800)) as client:
         state = client.get_state()
     assert {view.name for view in state.views} >= VIEWS
     assert reported_errors(state) == []
@@ -81,7 +81,7 @@ def test_every_view_is_there_and_reports_no_error(run: RunFolder) -> None:
 @pytest.mark.browser
 def test_the_viewer_in_the_browser_listens_on_the_loopback_only(run: RunFolder) -> None:
     environment = {**viewer_environment(), "BROWSER": "true"}  # a browser that does nothing
-    viewer = subprocess.Popen(viewer_command(review_path(run), web=True), env=environment)
+    viewer = subprocess.Popen(viewer_command(review_paths(run), web=True), env=environment)
     try:
         assert until(lambda: len(listening_addresses(viewer.pid)) >= 2, 30.0)
         assert set(listening_addresses(viewer.pid)) == {"0100007F"}
@@ -107,21 +107,20 @@ def listening_addresses(pid: int) -> list[str]:
 def test_a_missing_review_is_made_from_the_record(run: RunFolder) -> None:
     size = run.review_path.stat().st_size
     run.review_path.unlink()
-    again = review_path(run)
-    assert again == run.review_path
-    assert abs(again.stat().st_size - size) < 0.02 * size, "made again it holds the same"
+    assert review_paths(run) == [run.review_path]
+    assert abs(run.review_path.stat().st_size - size) < 0.02 * size, "made again it holds the same"
     assert not list(run.path.glob("*.unfinished"))
 
 
 def test_no_viewer_is_one_sentence(run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("runtime.view.find_spec", lambda name: None)
     with pytest.raises(ConfigurationError, match="install the package rerun-sdk"):
-        viewer_command(review_path(run), web=False)
+        viewer_command(review_paths(run), web=False)
 
 
 @pytest.mark.browser
 def test_no_viewer_stays_behind(run: RunFolder) -> None:
-    with headless_viewer(review_path(run), (800, 600)):
+    with headless_viewer(review_paths(run), (800, 600)):
         assert viewers_of(run) == 1
     assert viewers_of(run) == 0
 
