@@ -70,13 +70,14 @@ def drive(
         parts.drive(start_ns)
         manager.ready()
         loop.run(start_ns, stop, None if duration_s is None else round(duration_s * 1e9))
+        sensors = {"laser": parts.laser.health(), "encoders": parts.encoders.health()}
     finally:
         manager.stopping()
         leave_real_time()
         status.close()
         parts.close()
         manager.close()
-    summary = summarise(str(folder.path), loop.timekeeping, errors)
+    summary = summarise(str(folder.path), loop.timekeeping, errors, sensors)
     folder.write_summary(summary)
     return summary
 

@@ -177,6 +177,8 @@ def judge_sensor(name: str, health: SensorHealth, target_hz: float) -> Finding:
     if abs(health.rate_hz / target_hz - 1.0) > RATE_TOLERANCE:
         remedy = f"the rate is more than {RATE_TOLERANCE:.0%} off: check the sensor's settings"
         return Finding(name, Verdict.WARN, reason, remedy)
+    if "advice" in health.facts:
+        return Finding(name, Verdict.WARN, reason, "change the configuration as advised, or accept it")
     return Finding(name, Verdict.PASS, reason)
 
 

@@ -11,6 +11,7 @@ from drivers.measurements import Event, Scan, SensorHealth, SensorState
 from runtime.health import Health, RunState
 from runtime.message_definitions import construct, serialize
 from runtime.ros_messages import encode_odometry, encode_pose, encode_scan, header, ros_pose
+from runtime.sensor_report import sensor_object
 from runtime.tick import SinkHealth, Tick, Timing
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.pose import Pose2
@@ -153,7 +154,7 @@ def health_bytes(health: Health, wall_ns: int) -> bytes:
             level=LEVELS[sensor.state],
             name=name,
             message=f"{sensor.state.value}: {sensor.reason}" if sensor.reason else sensor.state.value,
-            hardware_id=sensor.facts.get("serial", ""),
+            hardware_id=sensor.facts.get("serial_number", ""),
             values=[
                 construct("diagnostic_msgs/msg/KeyValue", key=key, value=str(value))
                 for key, value in (*sensor.counters.items(), *sensor.figures.items(), *sensor.facts.items())
@@ -179,10 +180,7 @@ def warm_up() -> None:
 
 
 def _sensors(sensors: Mapping[str, SensorHealth]) -> dict[str, Any]:
-    return {
-        name: {"state": sensor.state.value, "reason": sensor.reason, "rate_hz": round(sensor.rate_hz, 2)}
-        for name, sensor in sensors.items()
-    }
+    return {name: sensor_object(sensor) for name, sensor in sensors.items()}
 
 
 def _sinks(sinks: Mapping[str, SinkHealth]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import zenoh
 
+from runtime.sensor_report import sensor_lines
 from runtime.zenoh_session import tool_config
 
 Status = dict[str, Any]
@@ -63,11 +64,12 @@ def status_line(status: Mapping[str, Any]) -> str:
 
 
 def status_table(statuses: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Several rovers as lines with a head, the columns as wide as what is in them."""
+    """Several rovers as lines with a head, the columns as wide as what is in them; then their sensors, a line each."""
     head = ("rover", "state", "tick", "Hz", "x m", "y m", "deg", "+- m", "landmarks", "late ms", "sensors", "reasons")
     rows = [head, *(_row(status) for status in statuses)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
-    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return lines + [f"{status['rover']}  {line}" for status in statuses for line in sensor_lines(status["sensors"])]
 
 
 def silence_sentence(connect: Sequence[str] = ENDPOINTS) -> str:

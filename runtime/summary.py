@@ -1,12 +1,15 @@
 """What a run was like in a dozen figures: printed at its end and kept as summary.json."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from drivers.measurements import SensorHealth
 from runtime.loop import Timekeeping
+from runtime.sensor_report import sensor_lines, sensor_object
 from runtime.tick import SinkHealth, Tick, Timing
 from slam.estimate import Estimate
 from slam.pose import Pose2
@@ -44,8 +47,10 @@ class ErrorTrack:
         """Nothing to release."""
 
 
-def summarise(run: str, timekeeping: Timekeeping, errors: ErrorTrack) -> dict[str, Any]:
-    """The summary of a live run; figures that do not exist are None."""
+def summarise(
+    run: str, timekeeping: Timekeeping, errors: ErrorTrack, sensors: Mapping[str, SensorHealth]
+) -> dict[str, Any]:
+    """The summary of a live run; figures that do not exist are None. sensors: how they were at its end."""
     lateness_ms = np.array(timekeeping.lateness_ns or [0]) * 1e-6
     step_ms = np.array(timekeeping.duration_ns or [0]) * 1e-6
     return {
@@ -59,6 +64,7 @@ def summarise(run: str, timekeeping: Timekeeping, errors: ErrorTrack) -> dict[st
         "slam_rms_m": _rms(errors.slam_m2),
         "slam_max_m": round(math.sqrt(max(errors.slam_m2)), 4) if errors.slam_m2 else None,
         "landmarks": errors.landmarks,
+        "sensors": {name: sensor_object(sensor) for name, sensor in sensors.items()},
     }
 
 
@@ -70,6 +76,7 @@ def summary_lines(summary: dict[str, Any]) -> list[str]:
         f"lateness  p50 {late['p50']:.2f}  p99 {late['p99']:.2f}  max {late['max']:.2f} ms",
         f"tick      p50 {tick['p50']:.2f}  p99 {tick['p99']:.2f}  max {tick['max']:.2f} ms",
         f"landmarks {summary['landmarks']}",
+        *sensor_lines(summary["sensors"]),
     ]
     if summary["slam_rms_m"] is not None:
         lines.append(

@@ -20,6 +20,7 @@ DRIFT_LEAST_S = 0.02  # apart at the end: a busy host delays even the fastest ar
 DRIFT_BENT = 0.15  # of the gain, off the straight line in the middle: a delay that sets in is no drift
 ADDRESS = "laser.url"
 CAUSES = {  # what the driver said around a silence, most telling first
+    "malfunctions": ("the laser reported a malfunction that only a reboot ends", "service the laser if it comes again"),
     "status_": ("the laser reported a fault of its own", "look the status up in the manual, then service the laser"),
     "frozen_scans": ("the laser repeats the same ranges: its receiver or its motor is stuck", "power-cycle the laser"),
     "stale_stamp": ("the laser's stamp stands still", "power-cycle the laser, update its firmware"),
