@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.fastslam import FastSlam
+from slam.fastslam import NO_SIGHT, FastSlam
 from slam.joint import JointGaussian
 from slam.observations import Features
 from slam.odometry import Increment
@@ -19,8 +19,9 @@ TILE_M = 30.0  # the survey stops this often: every landmark is in view of some 
 STEP_M, TURN_RAD = 0.05, 0.005  # 0.5 m/s and a circle of 10 m, ten scans a second
 SIGMA_M, SIGMA_RAD = 0.05, 0.005
 SEED = 1
-SURVEY_M = 26.0  # a little more than where an unseen landmark counts as missed: fewer would lose what is mapped
-STANDING = 3  # scans at a stop: four looks confirm a landmark, and what a tile brings can leave the joint state
+SURVEY_M = 0.75 * TILE_M  # the corners of a tile are 0.71 away
+STANDING = 3  # scans at a stop: four looks confirm a landmark
+BLIND = np.concatenate(((-math.pi, math.pi / 180.0, VIEW_M), np.full(361, 0.1)))  # sees past nothing: nothing is missed
 
 
 class Scene:
@@ -49,10 +50,10 @@ class Scene:
         increment = Increment(moved, covariance, False, True, 0.1, 0.5, 0.0, 0.05)
         return increment, self._look(self._observations, VIEW_RAD, VIEW_M)
 
-    def step(self, increment: Increment, features: Features) -> None:
+    def step(self, increment: Increment, features: Features, sight: FloatArray = NO_SIGHT) -> None:
         """Particles and joint Gaussian, as the estimator calls them."""
-        outcome = self.particles.step(increment, features)
-        self.joint.step(increment.mean, increment.covariance, features, outcome.matches)
+        outcome = self.particles.step(increment, features, sight)
+        self.joint.step(increment.mean, increment.covariance, features, outcome.matches, sight)
 
     def _survey(self, half_side_m: float) -> None:
         """Make the map through the same door: go to every tile without noise, stand, and look all around."""
@@ -62,10 +63,14 @@ class Scene:
             moved = (self._pose.inverse() @ place).as_array()
             self._pose = place
             arriving = Increment(moved, np.eye(3) * 1e-12, False, True, 0.1, 0.0, 0.0, 0.0)
-            self.step(arriving, self._look(everything, math.pi, SURVEY_M))
+            self.step(arriving, self._look(everything, math.pi, SURVEY_M), BLIND)
             standing = Increment(np.zeros(3), np.zeros((3, 3)), True, True, 0.1, 0.0, 0.0, 0.0)
             for _ in range(STANDING):
-                self.step(standing, self._look(everything, math.pi, SURVEY_M))
+                self.step(standing, self._look(everything, math.pi, SURVEY_M), BLIND)
+            before = math.inf
+            while self.joint.landmarks_in_state < before:  # what is far away leaves the joint state, some in each scan
+                before = self.joint.landmarks_in_state
+                self.step(standing, self._look(0, math.pi, SURVEY_M), BLIND)
 
     def _look(self, most: int, view_rad: float, view_m: float) -> Features:
         """The nearest `most` landmarks within view_m and view_rad to either side, with noise."""
