@@ -88,13 +88,16 @@ class WheelCounts:
     """Totals of both encoders at one instant: unwrapped, forward positive, both interpolated to stamp_ns.
 
     Floats, because interpolation between frames falls between counts. `valid` is False where a wheel was
-    silent or refused: motion since the last valid sample is then unknown, not zero.
+    silent or refused: motion since the last valid sample is then unknown, not zero. `unbroken` is True on the first
+    valid sample after invalid ones where the counters went on meanwhile: the difference from the last valid sample
+    is the motion of the whole gap.
     """
 
     stamp_ns: int
     left: float
     right: float
     valid: bool = True
+    unbroken: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,6 +42,7 @@ class WheelPair:
         self._last: WheelCounts | None = None
         self._offsets = (0.0, 0.0)
         self._epochs: tuple[int, int] | None = None
+        self._valid_epochs: tuple[int, int] | None = None
 
     def feed(self, frame: CanFrame) -> None:
         """Take one frame of any id, in the order of arrival."""
@@ -140,11 +141,14 @@ class WheelPair:
             held = (0.0, 0.0) if self._last is None else (self._last.left, self._last.right)
             self._offsets = (held[0] - at_left[0], held[1] - at_right[0])
             self._emit(instant_ns, *held, first)
+            self._valid_epochs = epochs if first else self._valid_epochs
             return
-        self._emit(instant_ns, at_left[0] + self._offsets[0], at_right[0] + self._offsets[1], True)
+        unbroken = self._last is not None and not self._last.valid and self._valid_epochs == epochs
+        self._emit(instant_ns, at_left[0] + self._offsets[0], at_right[0] + self._offsets[1], True, unbroken)
+        self._valid_epochs = epochs
         self.left.compare_travel(at_left[0], at_right[0], instant_ns)
         self.right.compare_travel(at_right[0], at_left[0], instant_ns)
 
-    def _emit(self, stamp_ns: int, left: float, right: float, valid: bool) -> None:
-        self._last = WheelCounts(stamp_ns, left, right, valid)
+    def _emit(self, stamp_ns: int, left: float, right: float, valid: bool, unbroken: bool = False) -> None:
+        self._last = WheelCounts(stamp_ns, left, right, valid, unbroken)
         self._samples.append(self._last)

@@ -46,7 +46,7 @@ float64[] sighting_ranges_m
 float64[] sighting_bearings_rad
 int64[] sighting_identities
 # wheel samples: one kind, one stamp and three values each
-uint8 COUNTS=0         # left, right (counts), valid (0 or 1)
+uint8 COUNTS=0         # left, right (counts), valid (0 or 1; 2: valid, and unbroken since the last valid one)
 uint8 SPEED_STEERING=1 # m/s, rad, 0
 uint8 SPEED_YAW_RATE=2 # m/s, rad/s, 0
 uint8 ODOMETRY_POSE=3  # m, m, rad

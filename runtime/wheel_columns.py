@@ -8,6 +8,7 @@ from drivers.measurements import OdometryPose, SpeedSteering, SpeedYawRate, Whee
 FloatArray = NDArray[np.float64]
 
 COUNTS, SPEED_STEERING, SPEED_YAW_RATE, ODOMETRY_POSE = 0, 1, 2, 3  # as infant_msgs/Tick names them
+INVALID, VALID, UNBROKEN = 0.0, 1.0, 2.0  # third value of counts; records before UNBROKEN was known never hold it
 
 
 def wheel_columns(wheels: tuple[WheelSample, ...]) -> tuple[NDArray[np.uint8], NDArray[np.int64], FloatArray]:
@@ -20,7 +21,8 @@ def wheel_columns(wheels: tuple[WheelSample, ...]) -> tuple[NDArray[np.uint8], N
         match sample:
             case WheelCounts():
                 kinds.append(COUNTS)
-                values += (sample.left, sample.right, float(sample.valid))
+                good = UNBROKEN if sample.unbroken else VALID
+                values += (sample.left, sample.right, good if sample.valid else INVALID)
             case SpeedSteering():
                 kinds.append(SPEED_STEERING)
                 values += (sample.speed_mps, sample.steering_rad, 0.0)
@@ -46,7 +48,7 @@ def wheel_samples(
 
 def _wheel(kind: int, stamp_ns: int, first: float, second: float, third: float) -> WheelSample:
     if kind == COUNTS:
-        return WheelCounts(stamp_ns, first, second, third != 0.0)
+        return WheelCounts(stamp_ns, first, second, third != INVALID, third == UNBROKEN)
     if kind == SPEED_STEERING:
         return SpeedSteering(stamp_ns, first, second)
     if kind == SPEED_YAW_RATE:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import SpeedSteering, SpeedYawRate, WheelSample
-from slam.motion import ARC, DIFFERENTIAL, RATES, STEERED, accumulate, arc
+from slam.motion import ARC, DIFFERENTIAL, RATES, SEGMENT_COLUMNS, STEERED, accumulate, arc
 from slam.odometry_settings import OdometrySettings
 from slam.pose import Pose2
 from slam.unscented import UnscentedSettings, unscented_weights
@@ -65,6 +65,7 @@ class Travel:
     known: bool = True
     began: bool = False
     moved: bool = False
+    late: tuple[float, float] = (0.0, 0.0)
     rounded: bool = False
 
     @classmethod
@@ -122,6 +123,8 @@ class Odometry:
         self._travel = Travel.none(self._geometries)
         self._taken_ns = stamp_ns
         self.odom_from_body = self.odom_from_body @ Pose2(*(float(value) for value in travel.tracks[0]))
+        if travel.late != (0.0, 0.0):
+            self.odom_from_body = self.odom_from_body @ self._arc(*travel.late)
         return increment
 
     def predicted(self, stamp_ns: int) -> Increment:
@@ -157,6 +160,7 @@ class Odometry:
         rows = segments.rows
         distances, turns = self._moves(rows)
         travel.known = travel.known and segments.known
+        travel.late = (travel.late[0] + segments.late[0], travel.late[1] + segments.late[1])
         travel.counts += np.abs(rows[:, 1:3]).sum(axis=0) / max(self._segmenter.count_m, 1e-12)
         travel.moved = travel.moved or bool(distances.any() or turns.any())
         travel.began = travel.began or len(rows) > 0
@@ -171,6 +175,16 @@ class Odometry:
         travel.forward_m += float(distances.sum())
         travel.lateral_m += float(rows[:, 3].sum())
         travel.turn_rad += float(turns.sum())
+
+    def _arc(self, left_m: float, right_m: float) -> Pose2:
+        """Where the body is after both wheels have rolled that far evenly, from where it was."""
+        travel = Travel.none(self._geometries)
+        row = np.zeros((1, SEGMENT_COLUMNS))
+        row[0, :3] = (1.0, left_m, right_m)
+        accumulate(
+            travel.mean, travel.covariance, travel.tracks, row, self._model, self._geometries, self._weights
+        )
+        return Pose2(*(float(value) for value in travel.tracks[0]))
 
     def _rests(self, travel: "Travel") -> bool:
         """Whether the wheels say that nothing has moved."""

@@ -16,6 +16,7 @@ FloatArray = NDArray[np.float64]
 NANOSECOND_S = 1e-9
 LONGEST_S = 60.0  # after a minute without wheels the rover is lost, and more variance says nothing more
 SHORTEST_S = 0.02  # counts that arrive in a bunch are not a jump
+GAP_SHAPE = 0.2  # of the distance rolled in a gap: how far its end may lie off a single arc, one deviation
 SAMPLE_KIND = {
     "differential": WheelCounts,
     "steered": SpeedSteering,
@@ -43,11 +44,16 @@ class Cursor:
 
 @dataclass(frozen=True, slots=True)
 class Segments:
-    """rows (n, 9) as slam.motion lays them out; known: False if a part of the time had no valid sample."""
+    """rows (n, 9) as slam.motion lays them out; known: False if a part of the time had no valid sample.
+
+    late: (left m, right m) of gaps that ended here but of which earlier segments carried on too little or too much.
+    A filter has seen better by itself meanwhile; only dead reckoning makes up for it.
+    """
 
     rows: FloatArray
     known: bool
     jumps: int
+    late: tuple[float, float] = (0.0, 0.0)
 
 
 class Segmenter:
@@ -67,6 +73,7 @@ class Segmenter:
     def until(self, cursor: Cursor, samples: Sequence[WheelSample], stamp_ns: int) -> tuple[Segments, Cursor, int]:
         """Segments from cursor to stamp_ns, the cursor there, and how many samples lie behind it."""
         rows: list[tuple[float, ...]] = []
+        late: list[tuple[float, float]] = []
         known, jumps, used = True, 0, 0
         if cursor.now_ns is None and (not samples or samples[0].stamp_ns > stamp_ns):
             return Segments(np.empty((0, SEGMENT_COLUMNS)), False, 0), replace(cursor, now_ns=stamp_ns), 0
@@ -74,20 +81,22 @@ class Segmenter:
             if sample.stamp_ns > stamp_ns:
                 break
             used += 1
-            cursor, certain, jumped = self._to_sample(cursor, sample, rows)
+            cursor, certain, jumped = self._to_sample(cursor, sample, rows, late)
             known, jumps = known and certain, jumps + jumped
         if cursor.now_ns is not None and cursor.now_ns < stamp_ns:
             following = samples[used] if used < len(samples) else None
             cursor, certain = self._past_samples(cursor, following, stamp_ns, rows)
             known = known and certain
-        return Segments(np.array(rows).reshape(-1, SEGMENT_COLUMNS), known, jumps), cursor, used
+        made_up = (sum(left for left, _ in late), sum(right for _, right in late))
+        return Segments(np.array(rows).reshape(-1, SEGMENT_COLUMNS), known, jumps, made_up), cursor, used
 
     def _to_sample(
-        self, cursor: Cursor, sample: WheelSample, rows: list[tuple[float, ...]]
+        self, cursor: Cursor, sample: WheelSample, rows: list[tuple[float, ...]], late: list[tuple[float, float]]
     ) -> tuple[Cursor, bool, int]:
         """One segment that ends at a sample."""
         if isinstance(sample, WheelCounts) and not sample.valid:
-            return replace(cursor, lost=True, now_ns=cursor.now_ns or sample.stamp_ns), False, 0
+            # what follows it decides whether the time up to it stays unknown
+            return replace(cursor, lost=True, now_ns=cursor.now_ns or sample.stamp_ns), cursor.now_ns is not None, 0
         stamp_ns = sample.stamp_ns
         fresh = Cursor(stamp_ns, sample, sample, cursor.rate)
         if cursor.now_ns is None:
@@ -107,8 +116,15 @@ class Segmenter:
         if max(abs(whole[0]), abs(whole[1])) > self._settings.max_speed_mps * max(silence, SHORTEST_S):
             rows.append(self._unknown(duration))
             return Cursor(stamp_ns, sample, sample), False, 1
-        rows.append(self._moved(duration, self._difference(cursor.sample, sample), gap))
         rate = (whole[0] / silence, whole[1] / silence, whole[2] / silence)
+        if gap > 0.0 and isinstance(sample, WheelCounts) and sample.unbroken:
+            first, second, _ = self._difference(cursor.sample, sample)
+            uneven = (first - rate[0] * duration, second - rate[1] * duration)
+            rows.append(self._rest_of_gap(duration, silence, rate, uneven))
+            late.append(uneven)
+            return Cursor(stamp_ns, sample, sample, rate), True, 0
+        before = cursor.measured if cursor.lost else cursor.sample
+        rows.append(self._moved(duration, self._difference(before, sample), gap))
         return Cursor(stamp_ns, sample, sample, rate), gap == 0.0, 0
 
     def _past_samples(
@@ -118,7 +134,7 @@ class Segmenter:
         assert cursor.now_ns is not None
         duration = (stamp_ns - cursor.now_ns) * NANOSECOND_S
         settings = self._settings
-        if cursor.sample is None or cursor.measured is None or cursor.lost:
+        if cursor.sample is None or cursor.measured is None:
             rows.append(self._unknown(duration))
             return replace(cursor, now_ns=stamp_ns), False
         since = (cursor.now_ns - cursor.measured.stamp_ns) * NANOSECOND_S
@@ -127,6 +143,14 @@ class Segmenter:
             rows.append(self._held(cursor.sample, held))
             rows.append(self._unknown(duration - held))
             return replace(cursor, now_ns=stamp_ns), held == duration
+        if cursor.lost:
+            # it will hardly have stopped at once, nor go on for ever
+            carried = min(duration, max(0.0, settings.gap_s - since))
+            motion = (cursor.rate[0] * carried, cursor.rate[1] * carried, cursor.rate[2] * carried)
+            rows.append(self._moved(carried, motion, carried))
+            rows.append(self._unknown(duration - carried))
+            moved = self._moved_sample(cursor.sample, motion, stamp_ns)
+            return replace(cursor, now_ns=stamp_ns, sample=moved), False
         if following is not None and self._bridges(cursor.measured, following):
             fraction = (stamp_ns - cursor.now_ns) / (following.stamp_ns - cursor.now_ns)
             motion = self._difference(cursor.sample, following)
@@ -215,6 +239,25 @@ class Segmenter:
         forward = (settings.gap_speed_mps * blind) ** 2
         heading += (settings.gap_yaw_rate_radps * blind) ** 2
         return (duration, first, second, lateral, *variances, forward, sideways + forward, heading)
+
+    def _rest_of_gap(
+        self, duration: float, silence: float, rate: tuple[float, float, float], uneven: tuple[float, float]
+    ) -> tuple[float, ...]:
+        """The last part of a gap over which the counters went on: its motion is known, its way only nearly.
+
+        silence: s of the whole gap, rate: its mean. uneven: (left m, right m) by which what was carried on in earlier
+        parts differs from driving at that rate; as much may really belong to this part.
+        """
+        settings = self._settings
+        row = list(self._moved(duration, (rate[0] * duration, rate[1] * duration, 0.0), 0.0))
+        shape = GAP_SHAPE * 0.5 * (abs(rate[0]) + abs(rate[1])) * silence
+        forward = min(0.5 * abs(uneven[0] + uneven[1]), settings.gap_speed_mps * duration)
+        turn = min(abs(uneven[1] - uneven[0]) / settings.tread_m, settings.gap_yaw_rate_radps * duration)
+        share = duration / silence
+        row[6] += (shape * share) ** 2 + forward**2
+        row[7] += (shape * share) ** 2
+        row[8] += turn**2
+        return tuple(row)
 
     def _floors(self, rolled_m: float) -> tuple[float, float]:
         """Variances sideways m^2 and of the heading rad^2 that grow with the distance rolled."""

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -170,10 +171,9 @@ def test_a_silent_wheel_means_unknown_motion_and_not_none() -> None:
     assert not lost.known
     assert not lost.at_rest
     assert math.sqrt(lost.covariance[0, 0]) > 0.1
-    wheels.add((counts(540, 0.27, 0.27),))
-    found = wheels.take_until(540 * MS)
+    wheels.add((replace(counts(540, 0.27, 0.27), unbroken=True),))
+    wheels.take_until(540 * MS)
     assert wheels.odom_from_body.x_m == pytest.approx(0.27)
-    assert math.sqrt(found.covariance[0, 0]) > 0.1
 
 
 def test_samples_out_of_order_not_finite_or_of_another_kind_are_refused_and_counted() -> None:
@@ -309,3 +309,76 @@ def test_a_scan_that_comes_a_little_late_after_a_long_blindness_is_still_met_exa
     blind.predicted(499 * 20_000_000)
     late_ns = 499 * 20_000_000 - 300_000_000
     np.testing.assert_allclose(blind.take_until(late_ns).mean, whole.take_until(late_ns).mean, rtol=1e-9)
+
+
+def gap(unbroken: bool, left_m: float, right_m: float) -> tuple[WheelCounts, ...]:
+    """Silence from 20 to 1020 ms of a rover that drove 0.5 m/s before, and the first sample after it."""
+    silent = tuple(counts(t, 0.01, 0.01, valid=False) for t in range(220, 1020, 100))
+    return (*silent, replace(counts(1020, left_m, right_m), unbroken=unbroken))
+
+
+def test_a_gap_over_which_the_counters_went_on_is_known_afterwards() -> None:
+    wheels = odometry()
+    wheels.add((counts(0, 0.0, 0.0), counts(20, 0.01, 0.01)))
+    wheels.take_until(20 * MS)
+    wheels.add(gap(True, 0.31, 0.36))
+    increment = wheels.take_until(1020 * MS)
+    assert increment.known
+    assert increment.mean[2] == pytest.approx(0.05 / 0.5)
+    assert math.sqrt(increment.covariance[2, 2]) < 0.05
+    assert math.sqrt(increment.covariance[0, 0]) < 0.1
+
+
+def test_a_rover_that_stood_through_an_unbroken_gap_has_not_moved_at_all() -> None:
+    wheels = odometry()
+    wheels.add((counts(0, 0.01, 0.01), counts(20, 0.01, 0.01)))
+    wheels.take_until(20 * MS)
+    wheels.add(gap(True, 0.01, 0.01))
+    increment = wheels.take_until(1020 * MS)
+    assert increment.at_rest
+    assert not increment.mean.any()
+    assert not increment.covariance.any()
+
+
+def test_a_broken_gap_stays_unknown() -> None:
+    wheels = odometry()
+    wheels.add((counts(0, 0.0, 0.0), counts(20, 0.01, 0.01)))
+    wheels.take_until(20 * MS)
+    wheels.add(gap(False, 0.01, 0.01))
+    increment = wheels.take_until(1020 * MS)
+    assert not increment.known
+    assert math.sqrt(increment.covariance[0, 0]) > 0.4
+
+
+@given(
+    scans_ms=st.lists(st.integers(21, 1019), max_size=8, unique=True).map(sorted),
+    left_m=st.floats(0.0, 0.9), right_m=st.floats(0.0, 0.9),
+)  # fmt: skip
+def test_scans_within_an_unbroken_gap_leave_its_end_where_the_counters_say(
+    scans_ms: list[int], left_m: float, right_m: float
+) -> None:
+    wheels = odometry()
+    wheels.add((counts(0, 0.0, 0.0), counts(20, 0.01, 0.01)))
+    wheels.take_until(20 * MS)
+    samples = gap(True, left_m, right_m)
+    for scan_ms in [*scans_ms, 1020]:
+        wheels.add(tuple(sample for sample in samples if sample.stamp_ns <= scan_ms * MS))
+        samples = tuple(sample for sample in samples if sample.stamp_ns > scan_ms * MS)
+        wheels.take_until(scan_ms * MS)
+    turn = (right_m - left_m) / 0.5
+    assert wheels.odom_from_body.heading_rad == pytest.approx(turn, abs=1e-6)
+    end = arc_pose(np.array((0.01, 0.0, 0.0)), 0.5 * (left_m + right_m) - 0.01, turn)
+    away_m = math.hypot(wheels.odom_from_body.x_m - end[0], wheels.odom_from_body.y_m - end[1])
+    assert away_m < 0.5 * abs(turn) + 1e-5, "on another arc between the same ends"
+
+
+def test_what_a_filter_has_seen_during_a_gap_is_not_driven_twice() -> None:
+    wheels = odometry()
+    wheels.add((counts(0, 0.0, 0.0), counts(20, 0.01, 0.01)))
+    wheels.take_until(20 * MS)
+    wheels.add(gap(True, 0.51, 0.51)[:-1])
+    wheels.take_until(920 * MS)
+    wheels.add(gap(True, 0.51, 0.51)[-1:])
+    last = wheels.take_until(1020 * MS)
+    assert last.mean[0] == pytest.approx(0.05, abs=1e-5), "a tenth of the gap's way in its last tenth"
+    assert wheels.odom_from_body.x_m == pytest.approx(0.51)
