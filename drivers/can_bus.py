@@ -2,6 +2,8 @@
 
 import logging
 import socket
+import struct
+import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -15,6 +17,7 @@ from drivers.wheel_frames import ERROR, EXTENDED, FD, REMOTE, CanFrame
 from drivers.wheel_settings import BusSettings
 
 WITHOUT_BITRATE = ("socketcan", "virtual", "udp_multicast", "socketcand")
+SO_MEMINFO, MEMINFO, DROPPED = 55, struct.Struct("=9I"), 8  # Linux 4.12: counters of a socket, the last its drops
 SO_RCVBUFFORCE = 33  # asm-generic/socket.h; needs CAP_NET_ADMIN, else SO_RCVBUF up to net.core.rmem_max
 FILTERED_IN_KERNEL = ("socketcan",)  # python-can's own filter in other back ends would drop error frames
 
@@ -23,6 +26,7 @@ class CanBus:
     """An open bus. Raises LinkError with the command that mends it when it cannot be opened.
 
     clock: kept over sessions by a caller that opens again, since the first frames of a session are read late.
+    system_now_ns: the clock that the kernel stamps frames with; only looked at to tell its jumps from late reading.
     """
 
     def __init__(
@@ -31,9 +35,11 @@ class CanBus:
         ids: Iterable[int],
         now_ns: Callable[[], int],
         clock: ArrivalClock | None = None,
+        system_now_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self.settings = settings
         self._now_ns = now_ns
+        self._system_now_ns = system_now_ns
         self._clock = clock if clock is not None else ArrivalClock()
         try:
             self._bus = open_bus(settings, ids)
@@ -46,6 +52,20 @@ class CanBus:
         """How often the system clock has jumped against the monotonic one."""
         return self._clock.jumps
 
+    @property
+    def overflowed(self) -> int:
+        """Frames that the kernel has thrown away since the bus was opened because its buffer was full; 0 if unknown.
+
+        python-can does not ask for SO_RXQ_OVFL and cannot bear its answer.
+        """
+        sock = self._socket()
+        if sock is None:
+            return 0
+        try:
+            return int(MEMINFO.unpack(sock.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO.size))[DROPPED])
+        except (OSError, struct.error):
+            return 0
+
     def receive(self, timeout_s: float) -> CanFrame | None:
         """The next frame, None after the timeout.
 
@@ -57,7 +77,7 @@ class CanBus:
             raise BusReadError(advice(self.settings, error), error_number(error)) from error
         if message is None:
             return None
-        return frame_of(message, self._clock.stamp_ns(self._now_ns(), message.timestamp))
+        return frame_of(message, self._clock.stamp_ns(self._now_ns(), message.timestamp, self._system_now_ns()))
 
     def send(self, frame: CanFrame, timeout_s: float = 0.1) -> None:
         """Send one frame. Raises LinkError; never waits longer than the timeout."""
@@ -73,11 +93,15 @@ class CanBus:
         except Exception:
             logging.getLogger(__name__).debug("closing %s failed", self.settings.channel, exc_info=True)
 
+    def _socket(self) -> socket.socket | None:
+        """The socket of a bus that is one."""
+        multicast = getattr(self._bus, "_multicast", None)
+        sock = getattr(self._bus, "socket", None) or getattr(multicast, "_socket", None)
+        return sock if isinstance(sock, socket.socket) else None
+
     def _enlarge_buffer(self) -> None:
-        sock = getattr(self._bus, "socket", None) or getattr(
-            getattr(self._bus, "_multicast", None), "_socket", None
-        )
-        if not isinstance(sock, socket.socket):
+        sock = self._socket()
+        if sock is None:
             return
         for option in (SO_RCVBUFFORCE, socket.SO_RCVBUF):
             try:

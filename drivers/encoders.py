@@ -27,7 +27,15 @@ from drivers.wheel_settings import EncoderSettings
 WAIT_S = 0.1  # how often a reader without frames looks up: ages are judged and close() is heard
 ERRORS_BEFORE_REOPENING = 3  # one broken line of slcan is no reason, a poisoned buffer is
 ERRORS_WITHOUT_GOOD = 50  # error frames in a row after which the bit rate is doubted
+OVERFLOW = (
+    "frames were lost because the kernel's buffer was full; raise encoders.bus.receive_buffer_bytes and "
+    "sudo sysctl net.core.rmem_max, or relieve the processor"
+)
+LATE = "frames waited before they were read; the counts stay right, but the processor is overloaded"
+CLOCK_JUMP = "the system clock has jumped; ages and stamps are of the monotonic clock and stay right"
 RATE_WINDOW_NS = 2_000_000_000
+LATE_NS = 150_000_000  # a frame that was read so long after its arrival tells of a reader that was held up
+LOOK_NS = 200_000_000  # how often the kernel is asked what it threw away
 
 
 class CanEncoders:
@@ -178,7 +186,8 @@ class CanEncoders:
     def _read(self, bus: CanBus, silence_s: float) -> bool:
         """Feed frames until the bus is to be opened anew; returns whether any frame was heard."""
         heard, errors, jumps = False, 0, bus.clock_jumps
-        last_ns = self._now_ns()
+        last_ns = looked_ns = self._now_ns()
+        overflowed = 0
         self._wake_up(bus)
         while not self._is_stopping():
             try:
@@ -193,6 +202,10 @@ class CanEncoders:
                 self._stop.wait(WAIT_S)  # the same socket works again when the interface is up
                 continue
             now_ns = self._now_ns()
+            if now_ns - looked_ns > LOOK_NS:
+                looked_ns, before, overflowed = now_ns, overflowed, bus.overflowed
+                if overflowed > before:
+                    self._tell("overflow", overflowed - before, OVERFLOW)
             if frame is None:
                 with self._lock:
                     self._pair.check(now_ns)
@@ -202,15 +215,18 @@ class CanEncoders:
                 continue
             heard, errors, last_ns = True, 0, now_ns
             self._take(bus, frame)
+            if now_ns - frame.stamp_ns > LATE_NS:
+                self._tell("late", 1, LATE)
             if bus.clock_jumps != jumps:
                 jumps = bus.clock_jumps
-                text = (
-                    "the system clock has jumped; ages and stamps are of the monotonic clock and stay right"
-                )
-                with self._lock:
-                    self._counters["clock_jump"] += 1
-                    self._events.add(now_ns, "clock_jump", text, Severity.INFO)
+                self._tell("clock_jump", 1, CLOCK_JUMP, Severity.INFO)
         return heard
+
+    def _tell(self, kind: str, count: int, text: str, severity: Severity = Severity.WARN) -> None:
+        """Count and tell what is no failure of the link."""
+        with self._lock:
+            self._counters[kind] += count
+            self._events.add(self._now_ns(), kind, text, severity)
 
     def _take(self, bus: CanBus, frame: CanFrame) -> None:
         """One frame: recorded first, then judged."""

@@ -12,6 +12,7 @@ from drivers.arrival_clock import ArrivalClock
 from drivers.can_advice import advice, bitrate_advice, bus_off_advice
 from drivers.can_bus import CanBus, frame_of, message_of
 from drivers.can_errors import BUS_OFF, CONTROLLER, NO_ACK, RESTARTED, BusCondition, ErrorFrames
+from drivers.can_loopback import free_port
 from drivers.measurements import LinkError
 from drivers.wheel_frames import ERROR, EXTENDED, FD, REMOTE, CanFrame
 from drivers.wheel_settings import BusSettings
@@ -183,6 +184,45 @@ def test_a_jump_of_the_clock_on_a_real_bus_is_only_counted(monkeypatch: pytest.M
             received.append(frame.stamp_ns)
         assert reader.clock_jumps == 1
         assert received[-1] - received[0] < 1_000_000_000
+    finally:
+        reader.close()
+        writer.close()
+
+
+def test_a_reader_that_was_held_up_stamps_its_queue_as_it_arrived_and_no_clock_has_jumped() -> None:
+    clock, times = ArrivalClock(), []
+    for i in range(150):
+        read_ns = 2_000_000_000 + i * 100_000 if 50 <= i < 100 else i * 20_000_000
+        times.append(clock.stamp_ns(read_ns, 1.7e9 + i * 0.02, 1_700_000_000_000_000_000 + read_ns))
+    assert clock.jumps == 0
+    assert all(abs(time_ns - i * 20_000_000) < 2_500_000 for i, time_ns in enumerate(times)), "but for the leak"
+
+
+@pytest.mark.parametrize("jump_s", [0.7, -0.7, 3600.0, -3600.0])
+def test_frames_that_waited_while_the_clock_jumped_keep_their_time(jump_s: float) -> None:
+    clock, times = ArrivalClock(), []
+    for i in range(100):
+        read_ns = max(i * 20_000_000, 1_200_000_000) if i >= 50 else i * 20_000_000
+        jumped_s = jump_s if i >= 55 else 0.0
+        now_s = jump_s if i >= 50 else 0.0
+        system_ns = 1_700_000_000_000_000_000 + read_ns + round(now_s * 1e9)
+        times.append(clock.stamp_ns(read_ns, 1.7e9 + i * 0.02 + jumped_s, system_ns))
+    assert clock.jumps == 1
+    assert all(abs(time_ns - i * 20_000_000) < 1_000_000 for i, time_ns in enumerate(times))
+
+
+def test_what_the_kernel_throws_away_is_counted() -> None:
+    port = free_port()
+    reader = CanBus(BusSettings(port=port, receive_buffer_bytes=4096), (), time.monotonic_ns)
+    writer = CanBus(BusSettings(port=port), (), time.monotonic_ns)
+    try:
+        for _ in range(500):
+            writer.send(CanFrame(0, 0x181, bytes(8)))
+        kept = 0
+        while reader.receive(0.2) is not None:
+            kept += 1
+        assert 0 < kept < 500
+        assert reader.overflowed == 500 - kept
     finally:
         reader.close()
         writer.close()

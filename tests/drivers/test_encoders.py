@@ -302,17 +302,18 @@ def nodes_at_rest() -> Callable[[int], list[CanFrame]]:
 NODES_AT_REST = nodes_at_rest()
 
 
+class Tap:
+    def __init__(self) -> None:
+        self.frames: list[tuple[int, int, bytes]] = []
+
+    def laser_bytes(self, stamp_ns: int, sent: bool, data: bytes) -> None:
+        raise AssertionError
+
+    def can_frame(self, stamp_ns: int, arbitration_id: int, flags: int, data: bytes) -> None:
+        self.frames.append((arbitration_id, flags, data))
+
+
 def test_every_frame_of_a_wire_reaches_the_tap_before_it_is_judged() -> None:
-    class Tap:
-        def __init__(self) -> None:
-            self.frames: list[tuple[int, int, bytes]] = []
-
-        def laser_bytes(self, stamp_ns: int, sent: bool, data: bytes) -> None:
-            raise AssertionError
-
-        def can_frame(self, stamp_ns: int, arbitration_id: int, flags: int, data: bytes) -> None:
-            self.frames.append((arbitration_id, flags, data))
-
     tap, bus = Tap(), virtual_bus()
     encoders = CanEncoders(EncoderSettings(bus=bus), time.monotonic_ns, tap)
     encoders.start()
@@ -332,15 +333,16 @@ def test_every_frame_of_a_wire_reaches_the_tap_before_it_is_judged() -> None:
 def test_a_recorded_candump_replayed_over_the_bus_arrives_whole(recorded_data: Callable[[str], Path]) -> None:
     log = recorded_data("can_encoder") / "infant_candump.log"
     bus = virtual_bus()
-    # ten times as fast, and so are the nodes that the reader expects
+    # four times as fast, and so are the nodes that the reader expects
     settings = EncoderSettings(
-        bus=bus, period_ms=2.0, max_speed_mps=19.44, degraded_periods=50.0, silent_periods=500.0
+        bus=bus, period_ms=5.0, max_speed_mps=7.776, degraded_periods=50.0, silent_periods=500.0
     )
-    encoders = CanEncoders(settings, time.monotonic_ns)
+    tap = Tap()
+    encoders = CanEncoders(settings, time.monotonic_ns, tap)
     listener = Listener(encoders)
     encoders.start()
     assert wait_until(lambda: encoders.health().counters.get("bus.sessions", 0) >= 1)
-    replay = CandumpReplay(log, bus, time.monotonic_ns, speed=10.0)
+    replay = CandumpReplay(log, bus, time.monotonic_ns, speed=4.0)
     replay.start()
     try:
         assert replay.wait(10.0)
@@ -350,9 +352,8 @@ def test_a_recorded_candump_replayed_over_the_bus_arrives_whole(recorded_data: C
     finally:
         replay.close()
         encoders.close()
-    counters = encoders.health().counters
-    # whole turns of the alive number are told by time, and a sender held up for 24 ms here looks like one
-    assert counters.get("left.lost", 0) % 16 == counters.get("right.lost", 0) % 16 == 0
+    # not the counter of lost frames: a sender that is held up at four times the speed sends what looks like a second one
+    assert len(tap.frames) == 1001
     # 0xFFFFFF00 to 0x471F through the wrap, as the file's first and last lines say; a frame is 37 counts,
     # and the last frames of a bunch give no sample
     last = listener.samples[-1]
