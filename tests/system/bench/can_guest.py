@@ -1,18 +1,13 @@
 """What runs inside the guest: the production reader against vcan and kernel slcan, the node in another process."""
 
-import ctypes
-import json
 import os
 import pty
-import socket
-import struct
 import subprocess
 import sys
 import time
 import tty
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,10 +18,8 @@ from drivers.simulated.wheel_settings import SimulatedWheelSettings
 from drivers.wheel_frames import Wheel
 from drivers.wheel_layouts import layout_messages
 from drivers.wheel_settings import BusSettings, EncoderSettings
+from tests.system.bench.guest import burst, inject_error, load_modules, report, shell
 
-MODULES = ("net/can/can.ko", "net/can/can-raw.ko", "drivers/net/can/dev/can-dev.ko", "drivers/net/can/vcan.ko",
-           "drivers/net/can/slcan/slcan.ko")  # fmt: skip
-FINIT_MODULE = 313  # x86-64
 LEFT_MPS, RIGHT_MPS = 0.1, 0.12  # slow, because a guest without real time stamps late by tens of ms
 VCAN = BusSettings(interface="socketcan", channel="vcan0")
 COUNTS_PER_METRE = EncoderSettings().counts_per_metre
@@ -41,26 +34,6 @@ node.start()
 sys.stdin.read()
 node.close()
 """
-
-
-def shell(command: str) -> None:
-    subprocess.run(command, shell=True, check=True)
-
-
-def report(name: str, **values: Any) -> None:
-    sys.stdout.write("RESULT " + json.dumps({"name": name, **values}) + "\n")
-    sys.stdout.flush()
-
-
-def load_modules(root: Path) -> None:
-    """finit_module by hand: the host may have no kmod."""
-    kernel = next((root / "usr" / "lib" / "uml" / "modules").iterdir()) / "kernel"
-    libc = ctypes.CDLL(None, use_errno=True)
-    for name in MODULES:
-        descriptor = os.open(kernel / name, os.O_RDONLY)
-        if libc.syscall(FINIT_MODULE, descriptor, b"", 0) and ctypes.get_errno() != 17:
-            raise OSError(ctypes.get_errno(), f"module {name}")
-        os.close(descriptor)
 
 
 class Watch:
@@ -110,12 +83,6 @@ class Watch:
         return self.encoders.health().counters
 
 
-def inject_error(error_class: int, data: bytes) -> None:
-    with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as raw:
-        raw.bind(("vcan0",))
-        raw.send(struct.pack("=IB3x8s", 0x20000000 | error_class, 8, data))
-
-
 def scenario(
     name: str, watch: Watch, begin: Callable[[], None], end: Callable[[], None], hold_s: float
 ) -> None:
@@ -128,18 +95,6 @@ def scenario(
     recovery_s = watch.until(watch.fresh)
     report(name, during=str(state), reason=reason, recovery_s=recovery_s, wrong_mm=watch.wrong_motion_mm(),
            counters=watch.counters())  # fmt: skip
-
-
-def burst() -> None:
-    with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as raw:
-        raw.bind(("vcan0",))
-        for number in range(3000):
-            while True:
-                try:
-                    raw.send(struct.pack("=IB3x8s", 0x321, 8, number.to_bytes(8, "little")))
-                    break
-                except OSError:
-                    time.sleep(0.001)
 
 
 def on_vcan() -> None:
