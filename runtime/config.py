@@ -16,6 +16,7 @@ from drivers.laser_settings import LaserSettings
 from drivers.simulated.settings import SimulationSettings
 from drivers.wheel_settings import EncoderSettings
 from runtime.errors import ConfigurationError
+from runtime.importers.settings import DataSetSettings
 from runtime.loop_settings import LoopSettings, RecordSettings
 from runtime.publish_settings import PublishSettings
 from runtime.review_settings import ReviewSettings
@@ -39,6 +40,7 @@ class Configuration(BaseModel):
     publish: PublishSettings = PublishSettings()
     review: ReviewSettings = ReviewSettings()
     simulation: SimulationSettings | None = None
+    data_set: DataSetSettings | None = None
 
     @property
     def text(self) -> str:

@@ -75,6 +75,9 @@ def configuration_changes(result: Calibration, base_toml: str) -> dict[str, floa
     latency = result.reported("laser_latency_s")
     if believed.laser is not None and latency is not None:
         changes["laser.stamp_offset_s"] = round(believed.laser.stamp_offset_s - latency.value, 6)
+    elif latency is not None:  # a recorded data set: its importer takes it off the next time
+        taken_off_s = believed.data_set.laser_latency_s if believed.data_set is not None else 0.0
+        changes["data_set.laser_latency_s"] = round(taken_off_s + latency.value, 6)
     return changes
 
 

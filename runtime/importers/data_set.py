@@ -10,6 +10,7 @@ from runtime.errors import DataSetError
 from runtime.importers.archive import Archive, load_archive
 from runtime.importers.carmen import is_carmen, load_carmen
 from runtime.importers.data_set_truth import ATTACHMENT, truth_of
+from runtime.importers.settings import DataSetSettings
 from runtime.importers.sightings import seen
 from runtime.importers.ticks import ticks
 from runtime.importers.wheel_streams import wheel_samples
@@ -27,14 +28,15 @@ SLOW_SPACING_NS = 50_000_000  # odometry that comes as poses is slow, and relati
 def import_data_set(source: Path, out: Path, config: Path | None = None) -> dict[str, Any]:
     """Write SOURCE as a new run OUT and return what was imported.
 
-    Stamps are nanoseconds since the set's start. The configuration that goes into the run is config/<family>.toml of
-    this project unless another is given. Raises DataSetError, ConfigurationError, RunExistsError, StorageError;
-    nothing is written unless the whole set can be read.
+    Stamps are nanoseconds since the set's start, those of scans less data_set.laser_latency_s. The configuration that
+    goes into the run is config/<family>.toml of this project unless another is given. Raises DataSetError,
+    ConfigurationError, RunExistsError, StorageError; nothing is written unless the whole set can be read.
     """
     archive = load_carmen(source) if is_carmen(source) else load_archive(source)
     wheels = wheel_samples(archive)
-    scans = seen(archive)
     configuration = load_configuration(config if config is not None else configuration_path(archive))
+    settings = configuration.data_set or DataSetSettings()
+    scans = seen(archive, settings.laser_latency_s)
     truth = truth_of(archive)
     folder = RunFolder.create(out, out.parent)
     folder.write_configuration(configuration.text)
@@ -58,6 +60,7 @@ def import_data_set(source: Path, out: Path, config: Path | None = None) -> dict
         "ticks": count,
         "scans": sightings,
         "wheel_samples": len(wheels),
+        "laser_latency_s": settings.laser_latency_s,
         "duration_s": round(last_ns * 1e-9, 3),
         "truth": archive.meta.get("gt_kind") if truth else None,
         "configuration_sha256": configuration.sha256,

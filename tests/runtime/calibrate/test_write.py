@@ -91,3 +91,12 @@ def test_nothing_found_writes_nothing(tmp_path: Path) -> None:
     with pytest.raises(ConfigurationError, match="drive farther"):
         write_configuration(nothing, BASE, tmp_path / "calibrated.toml")
     assert not (tmp_path / "calibrated.toml").exists()
+
+
+@pytest.mark.parametrize(("taken_off", "expected"), [("", 0.03), ("[data_set]\nlaser_latency_s = 0.1\n", 0.13)])
+def test_the_latency_of_a_recorded_data_set_goes_where_its_importer_takes_it_off(
+    taken_off: str, expected: float
+) -> None:
+    changes = configuration_changes(FOUND, taken_off + "[slam.odometry]\ntread_m = 0.5\n")
+    assert changes["data_set.laser_latency_s"] == pytest.approx(expected)
+    assert "laser.stamp_offset_s" not in changes
