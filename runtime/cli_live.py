@@ -78,18 +78,21 @@ def sim(
     listen: Annotated[str | None, typer.Option("--listen", metavar="HOST:PORT", help="where the laser listens")] = None,
     pty: Annotated[str | None, typer.Option("--pty", metavar="PATH", help="also a pseudo-terminal, linked")] = None,
 ) -> None:
-    """Run the simulated devices alone, so that any SCIP or CAN client can be pointed at them, until Ctrl-C."""
+    """Run the simulated devices alone, so that any SCIP or CAN client can be pointed at them, until Ctrl-C.
+
+    Lines on standard input let something go wrong: 'laser silence duration_s=2', 'wheels bus_off', 'clear laser'.
+    """
     from runtime.desk import serve_desk, serve_laser
     from runtime.errors import UsageError
 
     overrides = laser_overrides(model, listen, pty)
     stop = stop_on_signals()
     if laser_only:
-        serve_laser(config, overrides, stop, sys.stdout)
+        serve_laser(config, overrides, stop, sys.stdout, sys.stdin)
     elif config is None:
         raise UsageError("--config: missing; give a TOML file with a [simulation] table, or --laser-only")
     else:
-        serve_desk(config, overrides, stop, sys.stdout)
+        serve_desk(config, overrides, stop, sys.stdout, sys.stdin)
 
 
 def laser_overrides(model: str | None, listen: str | None, pty: str | None) -> dict[str, str]:

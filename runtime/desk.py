@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TextIO
 
@@ -10,11 +11,16 @@ from drivers.simulated.rover import Rover, world_for
 from drivers.simulated.settings import SimulationSettings
 from drivers.simulated.world import World
 from runtime.config import load_configuration, load_configuration_text
+from runtime.desk_faults import HOW, Device, follow
 from runtime.errors import ConfigurationError
 
 
-def serve_desk(config: Path, overrides: dict[str, str], stop: threading.Event, stream: TextIO) -> None:
+def serve_desk(
+    config: Path, overrides: dict[str, str], stop: threading.Event, stream: TextIO, faults: TextIO | None = None
+) -> None:
     """Start all devices of a configuration, print where they are, and run until `stop`.
+
+    faults: lines that let something go wrong meanwhile, see runtime.desk_faults.
 
     Raises ConfigurationError when the configuration describes no simulated rover.
     """
@@ -26,13 +32,14 @@ def serve_desk(config: Path, overrides: dict[str, str], stop: threading.Event, s
     try:
         rover.drive(time.monotonic_ns())
         stream.write(f"laser  {rover.laser_url}\nwheels {rover.encoders.bus.model_dump_json(exclude_none=True)}\n")
-        stream.flush()
-        stop.wait()
+        _wait(rover.devices, stop, stream, faults)
     finally:
         rover.close()
 
 
-def serve_laser(config: Path | None, overrides: dict[str, str], stop: threading.Event, stream: TextIO) -> None:
+def serve_laser(
+    config: Path | None, overrides: dict[str, str], stop: threading.Event, stream: TextIO, faults: TextIO | None = None
+) -> None:
     """The laser alone, without a bus: the default world, or that of a configuration."""
     configuration = load_configuration_text("", overrides) if config is None else load_configuration(config, overrides)
     simulation = configuration.simulation or SimulationSettings()
@@ -43,7 +50,20 @@ def serve_laser(config: Path | None, overrides: dict[str, str], stop: threading.
     device.start()
     try:
         stream.write(f"laser  {device.url}\n" + (f"laser  {device.pty_url}\n" if device.pty_url else ""))
-        stream.flush()
-        stop.wait()
+        _wait({"laser": device}, stop, stream, faults)
     finally:
         device.close()
+
+
+def _wait(devices: Mapping[str, Device], stop: threading.Event, stream: TextIO, faults: TextIO | None) -> None:
+    """Until `stop`, doing what the lines of `faults` say."""
+
+    def say(sentence: str) -> None:
+        stream.write(f"{sentence}\n")
+        stream.flush()
+
+    if faults is not None:
+        say(f"faults one a line: {HOW}")
+        follow(faults, devices, say)
+    stream.flush()
+    stop.wait()

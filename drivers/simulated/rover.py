@@ -64,6 +64,11 @@ class Rover:
         """The encoders' settings with the bus that the node is really on."""
         return self._encoders
 
+    @property
+    def devices(self) -> dict[str, LaserDevice | WheelNode]:
+        """Both devices by name."""
+        return {"laser": self._device, "wheels": self._node}
+
     def start(self) -> None:
         """Begin to answer and to send."""
         self._device.start()
@@ -75,11 +80,11 @@ class Rover:
 
     def inject(self, device: str, fault: dict[str, Any]) -> None:
         """Give a device ("laser" or "wheels") a fault."""
-        (self._device if device == "laser" else self._node).inject(fault)
+        self.devices[device].inject(fault)
 
     def clear(self, device: str) -> None:
         """Take all faults back."""
-        (self._device if device == "laser" else self._node).clear()
+        self.devices[device].clear()
 
     def close(self) -> None:
         """Stop both devices."""
