@@ -15,8 +15,9 @@ Scheduler = Annotated[str, typer.Option("--scheduler", help="address of a dask s
 
 
 class Part(StrEnum):
-    """What of the paper."""
+    """What of the paper; the published pose is this project's own addition to it."""
 
+    PUBLISHED = "published"
     FIG1 = "fig1"
     FIG2 = "fig2"
     TABLE1 = "table1"
@@ -33,7 +34,7 @@ def register(app: typer.Typer) -> None:
 
 
 def paper(
-    part: Annotated[Part, typer.Argument(help="a figure, the table, the ablation, or all")],
+    part: Annotated[Part, typer.Argument(help="a figure, the table, the ablation, the published pose, or all")],
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="drives for each arm")] = 20,
     out: Annotated[Path, typer.Option("--out", help="folder for pictures and tables; finished jobs are kept")] = Path(
         "paper"

@@ -13,6 +13,7 @@ from runtime.importers.archive import Archive
 from slam.pose import Pose2, wrap_rad
 
 COUNTS_PER_REV = 14_000  # sjursflat: the wheel angles in the file are multiples of 2 pi / 14000
+COMMAND_LAG_NS = 200_000_000  # mrclam logs commanded speeds: all three robots turn 0.2 s later (motion capture)
 TURN_M_PER_RAD = 0.3  # sharing out a residual: a radian of turning weighs as much as 0.3 m of driving
 
 
@@ -26,7 +27,7 @@ def wheel_samples(archive: Archive) -> list[WheelSample]:
         steering = archive["odom_steer_cal"] if "odom_steer_cal" in archive else archive["odom_steer"]
         return _pairs(archive, archive["odom_v"], steering, SpeedSteering)
     if "odom_w" in archive:
-        return _pairs(archive, archive["odom_v"], archive["odom_w"], SpeedYawRate)
+        return _pairs(archive, archive["odom_v"], archive["odom_w"], SpeedYawRate, COMMAND_LAG_NS)
     if "odom_ticks" in archive:
         return _pairs(archive, archive["odom_ticks"][:, 0], archive["odom_ticks"][:, 1], WheelCounts)
     if "odom_wheel" in archive:
@@ -39,10 +40,14 @@ def wheel_samples(archive: Archive) -> list[WheelSample]:
 
 
 def _pairs(
-    archive: Archive, first: NDArray[np.float64], second: NDArray[np.float64], kind: type[WheelSample]
+    archive: Archive,
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+    kind: type[WheelSample],
+    lag_ns: int = 0,
 ) -> list[WheelSample]:
     columns = zip(archive.stamps_ns("odom_t"), first.tolist(), second.tolist(), strict=True)
-    return [kind(stamp_ns, float(left), float(right)) for stamp_ns, left, right in columns]  # type: ignore[call-arg]
+    return [kind(stamp_ns + lag_ns, float(left), float(right)) for stamp_ns, left, right in columns]  # type: ignore[call-arg]
 
 
 def _poses(archive: Archive) -> Sequence[OdometryPose]:

@@ -108,9 +108,13 @@ def feature_drive(
     if joint is not None:
         paths["published"] = np.array(published)
         nees = float(np.nanmedian(squared_pose_errors(np.array(published), np.array(covariances), truth)))
+    count, in_view = filter_.store.count_of(filter_.best), int(drive.ever_in_view.sum())
     result: Result = {
-        "landmarks": int(filter_.store.count_of(filter_.best)),
-        "landmarks_in_view": int(drive.ever_in_view.sum()),
+        "landmarks": int(count),
+        "landmarks_in_view": in_view,
+        "landmarks_ratio": count / in_view,
+        "landmarks_published_ratio": None if joint is None else joint.landmark_count / in_view,
+        "not_finite": int(sum((~np.isfinite(path)).sum() for path in paths.values())),
         "landmarks_published": None if joint is None else int(joint.landmark_count),
         "likelihoods": likelihoods,
         "filter_cpu_s": particles_cpu_s,

@@ -12,7 +12,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from runtime.paper.study import OUTDOOR, PRINTED, VICTORIA, Cell, Outcomes, Row
+from runtime.paper.recorded_drive import VICTORIA
+from runtime.paper.study import OUTDOOR, PRINTED, VICTORIA_PARTICLES, Cell, Outcomes, Row
 
 COLOURS = {"truth": "black", "particles": "tab:blue", "published": "tab:red", "odometry": "tab:gray"}
 NAMES = {"normal": "normal estimation", "proposed": "proposed, unscented", "ekf": "proposed, EKF (FastSLAM 2.0)"}
@@ -107,9 +108,10 @@ def fig5(outcomes: Outcomes, folder: Path) -> list[Path]:
 
 def fig6(outcomes: Outcomes, folder: Path) -> list[Path]:
     """Paths with the EKF and with the unscented proposal, simulated and, where it is there, on Victoria Park."""
-    worlds = [world for world in (OUTDOOR, VICTORIA) if Cell(world, "ekf") in outcomes]
-    figure, axes = _grid(len(worlds), 2, (12, 5.5 * len(worlds)))
-    cells = [Cell(world, arm) for world in worlds for arm in ("ekf", "proposed")]
+    worlds = ((OUTDOOR, None), (VICTORIA, VICTORIA_PARTICLES[0]))
+    cells = [Cell(world, arm, particles) for world, particles in worlds for arm in ("ekf", "proposed")]
+    cells = [cell for cell in cells if cell in outcomes]
+    figure, axes = _grid(len(cells) // 2, 2, (12, 5.5 * len(cells) // 2))
     for axis, cell in zip(axes, cells, strict=True):
         _paths(axis, cell, outcomes[cell][0])
     return _save(figure, folder / "fig6")

@@ -59,6 +59,7 @@ def outdoor_drive(
         "likelihoods": likelihoods,
         "cpu_s": spent_s,
         "nees_median": float(np.nanmedian(nees)),
+        "not_finite": int(sum((~np.isfinite(path)).sum() for path in paths.values())),
         **feature_figures(steps, estimates),
         **path_figures(paths, truth),
     }

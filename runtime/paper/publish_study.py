@@ -7,6 +7,7 @@ from typing import Any
 from runtime.errors import StorageError
 from runtime.paper import figures, tables
 from runtime.paper.claims import OURS, claims
+from runtime.paper.published import published_lines, published_rows, unscented_rows
 from runtime.paper.study import OUTDOOR, PRINTED, Cell, Study, comparison_rows, run_study, spread_rows
 
 
@@ -48,7 +49,11 @@ def reproduce(
     tables.write_rows(folder / "maps.csv", tables.map_rows(outcomes))
     tables.write_rows(folder / "figures.csv", spreads)
     tables.write_rows(folder / "comparisons.csv", comparisons)
-    found = claims(outcomes, comparisons)
+    found, unscented = claims(outcomes, comparisons), unscented_rows(comparisons)
+    tables.write_rows(folder / "unscented.csv", unscented)
+    published = published_rows(spreads, comparisons) if "published" in parts else []
+    if published:
+        tables.write_rows(folder / "published.csv", published)
     result = {
         "out": str(folder),
         "parts": list(study.parts),
@@ -56,6 +61,8 @@ def reproduce(
         "particles": study.particles,
         "claims": [claim.row() for claim in found],
         "sentences": [claim.sentence for claim in found],
+        "published": published,
+        "unscented": unscented,
         "figures": spreads,
         "comparisons": comparisons,
         "not_given_in_the_paper": list(OURS),
@@ -69,6 +76,8 @@ def study_lines(result: dict[str, Any]) -> list[str]:
     """For people."""
     return [
         *result["sentences"],
+        "",
+        *published_lines(result["published"], result["unscented"]),
         "",
         f"{result['seeds']} seeds, {result['particles']} particles. The outdoor drive is simulated: the original "
         "recording is not public.",

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,31 +10,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.compile_cache import sources_hash
-from runtime.paper.arms import NORMAL, PROPOSED, ablation_arms
+from runtime.paper.arms import NORMAL, PROPOSALS, PROPOSED, RANGE_GATED, ablation_arms
+from runtime.paper.blind_step import blind_step
 from runtime.paper.feature_drive import feature_drive
 from runtime.paper.jobs import Job, Result, run_jobs
 from runtime.paper.outdoor_drive import outdoor_drive
+from runtime.paper.recorded_drive import CODED, INDOOR, VICTORIA, is_there, recorded_drive
 from runtime.paper.spread import compare, spread
-from runtime.paper.victoria import data_folder, victoria_drive
 
 FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
 
-PARTS = ("fig1", "fig2", "table1", "ablation", "fig5", "fig6")
-OUTDOOR, PRINTED, VICTORIA = "outdoor (simulated)", "outdoor (simulated), printed front end", "Victoria Park"
+PARTS = ("published", "fig1", "fig2", "table1", "ablation", "fig5", "fig6")
+FEATURE_WORLDS = ("P", "V2")
+OUTDOOR, PRINTED = "outdoor (simulated)", "outdoor (simulated), printed front end"
+BLIND, WITHHELD = "blind step", "identities withheld"
 OUTDOOR_S = 60.0
+VICTORIA_PARTICLES = (10, 100)
+LEFT_OUT = 0.05
 JOB_SOURCES = (
-    *("arms", "feature_vote", "feature_drive", "outcome", "outdoor", "outdoor_drive"),
-    *("trajectory_error", "victoria", "walkers", "worlds"),
+    *("arms", "blind_step", "feature_vote", "feature_drive", "outcome", "outdoor", "outdoor_drive"),
+    *("recorded_drive", "recorded_figures", "trajectory_error", "walkers", "worlds"),
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One arm in one world, over all seeds."""
+    """One arm in one world, over all seeds.
+
+    particles: None for those of the study. left_out: share of what was seen that each seed leaves out at random.
+    most_seeds: None for those of the study; the published pose of a recording is the same for every seed.
+    """
 
     world: str
     arm: str
+    particles: int | None = None
+    left_out: float = 0.0
+    most_seeds: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,28 +62,57 @@ class Study:
     def cells(self) -> list[Cell]:
         """Every arm and world that the parts need, each once."""
         wanted: list[Cell] = []
-        feature_worlds = ("P", "V2")
-        if {"fig1", "fig2", "table1"} & set(self.parts):
-            wanted += [Cell(world, arm) for world in feature_worlds for arm in (PROPOSED, NORMAL)]
+        if {"published", "fig1", "fig2", "table1"} & set(self.parts):
+            wanted += [Cell(world, arm) for world in FEATURE_WORLDS for arm in (PROPOSED, NORMAL)]
+        if "published" in self.parts:
+            wanted += published_cells()
         if "ablation" in self.parts:
-            wanted += [Cell("V2", arm) for arm in (PROPOSED, NORMAL, *ablation_arms())]
+            wanted += [Cell("V2", arm) for arm in (PROPOSED, *ablation_arms())]
         if "fig5" in self.parts:
             wanted += [Cell(world, PROPOSED) for world in (OUTDOOR, PRINTED)]
         if "fig6" in self.parts:
-            worlds = (*feature_worlds, OUTDOOR, *((VICTORIA,) if data_folder() is not None else ()))
-            wanted += [Cell(world, arm) for world in worlds for arm in (PROPOSED, "ekf", "motion")]
+            wanted += [Cell(world, arm) for world in (*FEATURE_WORLDS, "LONELY", OUTDOOR, BLIND) for arm in PROPOSALS]
+            if is_there(VICTORIA):
+                wanted += [Cell(VICTORIA, arm, VICTORIA_PARTICLES[0]) for arm in (PROPOSED, "ekf")]
         return list(dict.fromkeys(wanted))
 
     def job(self, cell: Cell, seed: int) -> Job:
         """One seed of one cell."""
-        common: dict[str, Any] = {"seed": seed, "arm": cell.arm, "particles": self.particles, "code": code_hash()}
+        particles = self.particles if cell.particles is None else cell.particles
+        common: dict[str, Any] = {"seed": seed, "arm": cell.arm, "particles": particles, "code": code_hash()}
+        if cell.world == BLIND:
+            return Job(blind_step, common)
         common["keep_paths"] = seed == 0
-        if cell.world == VICTORIA:
-            return Job(victoria_drive, common)
+        name, _, withheld = cell.world.partition(", ")
+        if name in (VICTORIA, INDOOR, *CODED):
+            recording = {"data_set": name, "withheld": bool(withheld), "left_out": cell.left_out}
+            return Job(recorded_drive, {**common, **recording})
         if cell.world in (OUTDOOR, PRINTED):
             front_end = "paper" if cell.world == PRINTED else "robust"
             return Job(outdoor_drive, {**common, "duration_s": self.duration_s, "front_end": front_end})
         return Job(feature_drive, {**common, "kind": cell.world, "steps": self.steps})
+
+
+def published_cells() -> list[Cell]:
+    """What the figures of the published pose need beyond P and V2 with the study's particles.
+
+    RANGE_GATED is normal estimation without the likelihoods that its gate saves: the same comparison with more
+    particles at a fiftieth of the time.
+    """
+    cells = [
+        Cell(world, arm, particles)
+        for world in FEATURE_WORLDS
+        for arm, particles in ((PROPOSED, 30), (PROPOSED, 100), (RANGE_GATED, 30))
+    ]
+    cells.append(Cell("LONELY", PROPOSED))
+    if is_there(VICTORIA):
+        cells += [Cell(VICTORIA, PROPOSED, particles) for particles in VICTORIA_PARTICLES]
+        cells.append(Cell(VICTORIA, PROPOSED, VICTORIA_PARTICLES[0], LEFT_OUT))
+    for world in [f"{name}{told}" for name in CODED if is_there(name) for told in ("", f", {WITHHELD}")]:
+        cells += [Cell(world, PROPOSED, most_seeds=1), Cell(world, PROPOSED, left_out=LEFT_OUT)]
+    if is_there(INDOOR):
+        cells += [Cell(INDOOR, PROPOSED, most_seeds=1), Cell(INDOOR, PROPOSED, left_out=LEFT_OUT)]
+    return cells
 
 
 Outcomes = Mapping[Cell, list[Result]]
@@ -80,7 +121,12 @@ Outcomes = Mapping[Cell, list[Result]]
 def run_study(study: Study, folder: Path, scheduler: str | None, progress: Callable[[int, int], None]) -> Outcomes:
     """Results of every cell, in the order of seeds. Finished jobs in folder/jobs are not run again."""
     cells = study.cells()
-    order = [(cell, seed) for seed in range(study.seeds) for cell in cells]
+    order = [
+        (cell, seed)
+        for seed in range(study.seeds)
+        for cell in cells
+        if cell.most_seeds is None or seed < cell.most_seeds
+    ]
     results = run_jobs([study.job(cell, seed) for cell, seed in order], folder / "jobs", scheduler, progress)
     outcomes: dict[Cell, list[Result]] = {cell: [] for cell in cells}
     for (cell, _), result in zip(order, results, strict=True):
@@ -94,27 +140,32 @@ def spread_rows(outcomes: Outcomes) -> list[Row]:
     for cell, results in outcomes.items():
         for name in quantities(results):
             figures = spread(column(results, name)).row()
-            rows.append({"world": cell.world, "arm": cell.arm, "quantity": name, **figures})
+            rows.append({**label(cell), "quantity": name, **figures})
     return rows
 
 
-def comparison_rows(outcomes: Outcomes, against: Iterable[str] = (PROPOSED, NORMAL)) -> list[Row]:
-    """Every arm against the proposed one, and the proposed one against normal, paired by seed.
+def label(cell: Cell) -> Row:
+    """The columns that say which cell a row is of; particles are empty where they are the study's."""
+    return {"world": cell.world, "arm": cell.arm, "particles": cell.particles or "", "left_out": cell.left_out}
+
+
+def comparison_rows(outcomes: Outcomes, against: Iterable[str] = (PROPOSED, NORMAL, RANGE_GATED)) -> list[Row]:
+    """Every arm against the proposed one, and the proposed one against normal (gated or not), paired by seed.
 
     The published pose is compared with the particles of normal estimation as well: that publishes nothing else.
     """
     rows = []
     for base in against:
         for cell, results in outcomes.items():
-            other = outcomes.get(Cell(cell.world, base))
-            if other is None or cell.arm == base or (base == NORMAL and cell.arm != PROPOSED):
+            other = outcomes.get(replace(cell, arm=base))
+            if other is None or cell.arm == base or (base != PROPOSED and cell.arm != PROPOSED):
                 continue
             for name in quantities(results):
-                instead = name.replace("published", "particles") if base == NORMAL else name
+                instead = name.replace("published", "particles") if base != PROPOSED else name
                 if instead not in quantities(other):
                     continue
                 figures = compare(column(results, name), column(other, instead)).row()
-                rows.append({"world": cell.world, "arm": cell.arm, "against": base, "quantity": name, **figures})
+                rows.append({**label(cell), "against": base, "quantity": name, **figures})
     return rows
 
 
@@ -135,7 +186,7 @@ def column(results: list[Result], name: str) -> FloatArray:
 def code_hash() -> str:
     """Names the state of the method, the simulation and this study: a change makes every job a new one."""
     root = Path(__file__).parents[2]
-    sources = [*sorted((root / "drivers" / "simulated").glob("*.py")), root / "config" / "victoria_park.toml"]
+    sources = [*sorted((root / "drivers" / "simulated").glob("*.py")), *sorted((root / "config").glob("*.toml"))]
     sources += [Path(__file__).with_name(f"{name}.py") for name in JOB_SOURCES]
     digest = hashlib.sha256(sources_hash().encode())
     for path in sources:

@@ -90,20 +90,6 @@ def test_an_import_holds_every_scan_and_every_wheel_sample(tmp_path: Path) -> No
     assert RunReader(tmp_path / "run").header.source == "import victoria_park"
 
 
-def test_the_lasers_latency_is_taken_off_its_stamps_and_off_no_others(tmp_path: Path) -> None:
-    source = write_set(tmp_path / "set", SCANS | STEERED)
-    late = tmp_path / "late.toml"
-    late.write_text("[data_set]\nlaser_latency_s = 0.06\n[slam.odometry]\nmodel = 'steered'\n")
-    imported = import_data_set(source, tmp_path / "run", late)
-    assert imported["laser_latency_s"] == 0.06
-    found = [recorded.tick for recorded in RunReader(tmp_path / "run").ticks()]
-    stamps_ms = [tick.scan.stamp_ns / 1e6 for tick in found if tick.scan is not None]
-    assert stamps_ms == pytest.approx([190.0, 990.0]), "the first scan was measured before anything else was"
-    assert [tick.stamp_ns / 1e6 for tick in found if tick.scan is not None] == pytest.approx(stamps_ms)
-    first = next(sample for tick in found for sample in tick.wheels)
-    assert first.stamp_ns == 0
-
-
 @pytest.mark.parametrize(
     ("arrays", "meta", "said"),
     [
@@ -343,3 +329,10 @@ def test_a_real_recording_without_odometry_is_refused(recorded_data: Callable[[s
     with pytest.raises(DataSetError, match="has no odometry"):
         import_data_set(recorded_data("people_walk1"), tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_speeds_that_were_commanded_count_when_the_robot_follows_them(recorded_data: Callable[[str], Path]) -> None:
+    archive = load_archive(recorded_data("mrclam_d6_r1"))
+    samples, stamps_ns = wheel_samples(archive), archive.stamps_ns("odom_t")
+    later = [sample.stamp_ns - stamp_ns for sample, stamp_ns in zip(samples, stamps_ns, strict=True)]
+    assert set(later) == {200_000_000}
