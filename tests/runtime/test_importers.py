@@ -90,6 +90,20 @@ def test_an_import_holds_every_scan_and_every_wheel_sample(tmp_path: Path) -> No
     assert RunReader(tmp_path / "run").header.source == "import victoria_park"
 
 
+def test_the_lasers_latency_is_taken_off_its_stamps_and_off_no_others(tmp_path: Path) -> None:
+    source = write_set(tmp_path / "set", SCANS | STEERED)
+    late = tmp_path / "late.toml"
+    late.write_text("[data_set]\nlaser_latency_s = 0.06\n[slam.odometry]\nmodel = 'steered'\n")
+    imported = import_data_set(source, tmp_path / "run", late)
+    assert imported["laser_latency_s"] == 0.06
+    found = [recorded.tick for recorded in RunReader(tmp_path / "run").ticks()]
+    stamps_ms = [tick.scan.stamp_ns / 1e6 for tick in found if tick.scan is not None]
+    assert stamps_ms == pytest.approx([190.0, 990.0]), "the first scan was measured before anything else was"
+    assert [tick.stamp_ns / 1e6 for tick in found if tick.scan is not None] == pytest.approx(stamps_ms)
+    first = next(sample for tick in found for sample in tick.wheels)
+    assert first.stamp_ns == 0
+
+
 @pytest.mark.parametrize(
     ("arrays", "meta", "said"),
     [
