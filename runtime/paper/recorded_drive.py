@@ -15,6 +15,7 @@ from runtime.config import load_configuration
 from runtime.importers.archive import Archive, load_archive
 from runtime.importers.data_set import FAST_SPACING_NS, SLOW_SPACING_NS, configuration_path
 from runtime.importers.data_set_truth import truth_of
+from runtime.importers.settings import DataSetSettings
 from runtime.importers.sightings import seen
 from runtime.importers.ticks import ticks
 from runtime.importers.wheel_streams import wheel_samples
@@ -73,7 +74,8 @@ def recorded_drive(
     configuration = load_configuration(configuration_path(archive))
     settings = SlamSettings.model_validate(merged(configuration.slam.model_dump(), changes))
     estimator = Estimator(settings, seed)
-    scans = thinned(seen(archive), left_out, np.random.default_rng([seed, 5]))
+    stamps = configuration.data_set or DataSetSettings()
+    scans = thinned(seen(archive, stamps.laser_latency_s), left_out, np.random.default_rng([seed, 5]))
     wheels = wheel_samples(archive)
     spacing_ns = SLOW_SPACING_NS if isinstance(wheels[0], OdometryPose) else FAST_SPACING_NS
     rows: dict[str, list[tuple[float, ...]]] = {"published": [], "particles": [], "odometry": []}
