@@ -7,7 +7,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 export OPENBLAS_NUM_THREADS := 1
 export RERUN_ANALYTICS := off
 
-.PHONY: run test check lint types bench soak browser system lock clean help
+.PHONY: run test check lint types bench soak browser system docs lock clean help
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -35,6 +35,11 @@ browser: $(VENV)/.installed-dev
 
 system: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m system $(ARGS)
+
+docs: $(VENV)/.installed-dev
+	$(BIN)/python -m sphinx -W --keep-going -q -d build/doctrees docs build/docs
+	$(BIN)/python -m pytest -m docs $(ARGS)
+	@echo "the pages: build/docs/index.html"
 
 # Debian's python3 has no venv module of its own; it is a package, installed here where that is allowed.
 $(VENV)/bin/python:

@@ -1,0 +1,226 @@
+"""What the documents say is so: pages build, links lead somewhere, commands exist and run, references are complete."""
+
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import pytest
+import typer
+
+from runtime.cli import app
+from runtime.config import Configuration, load_configuration_text
+from runtime.documents.command_page import error_classes
+from runtime.documents.configuration_page import models_in, tables
+from runtime.documents.pages import PAGES
+from runtime.documents.wire_page import ASKED, PUBLISHED
+from runtime.health import RunState
+from tests.runtime.zenoh_wire import free_port, listening, publishing, put_ticks, settings_on, until
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+FENCED = re.compile(r"(<!-- not run: [^\n]+ -->\n)?^```(\{?\w*\}?)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"(?<!\!)\[[^\]]+\]\(([^)\s]+)\)|!\[[^\]]*\]\(([^)\s]+)\)")
+JOURNEY = ("journeys/engineer.md", "journeys/reviewer.md", "journeys/ci.md", "fleet.md")
+RUN_S = 400.0
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block of a page."""
+
+    page: str
+    language: str
+    text: str
+    excused: bool
+
+    @property
+    def commands(self) -> list[str]:
+        return [line for line in self.text.replace("\\\n", " ").splitlines() if line.strip() and line[0] != "#"]
+
+
+def written_pages() -> list[Path]:
+    return [ROOT / "README.md", *sorted(p for p in DOCS.rglob("*.md") if not {"reference", "_build"} & set(p.parts))]
+
+
+def blocks() -> Iterator[Block]:
+    for path in written_pages():
+        for excuse, language, text in FENCED.findall(path.read_text(encoding="utf-8")):
+            yield Block(str(path.relative_to(ROOT)), language, text, bool(excuse))
+
+
+def infant_lines() -> list[tuple[str, str]]:
+    """Every command line of ours in any page, fenced or indented, with the page that has it."""
+    found = [(block.page, line) for block in blocks() if block.language in ("sh", "console") for line in block.commands]
+    for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines():
+        if line.startswith("    "):
+            found.append(("README.md", line.strip().removeprefix(".venv/bin/")))
+    return [(page, line.partition("  #")[0].strip()) for page, line in found if line.startswith("infant ")]
+
+
+class Anchors(HTMLParser):
+    """Ids and links of a page, and what it would fetch when it is looked at."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.ids: set[str] = set()
+        self.links: list[str] = []
+        self.fetched: list[str] = []
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        values = {name: value or "" for name, value in attributes}
+        self.ids |= {values[name] for name in ("id", "name") if name in values}
+        if tag == "a" and "href" in values:
+            self.links.append(values["href"])
+        if tag in ("script", "img", "iframe", "source") and "src" in values:
+            self.fetched.append(values["src"])
+        if tag == "link" and values.get("rel") not in ("canonical", "index", "search", "next", "prev"):
+            self.fetched.append(values.get("href", ""))
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("sphinx", reason="sphinx is not installed; make test installs it")
+    pytest.importorskip("furo", reason="furo is not installed; make test installs it")
+    folder = tmp_path_factory.mktemp("site")
+    build = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", str(folder / "trees")]
+    command = [*build, str(DOCS), str(folder / "html")]
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert built.returncode == 0, built.stderr
+    return folder / "html"
+
+
+def test_the_pages_build_and_every_link_and_anchor_leads_somewhere(site: Path) -> None:
+    pages = {path: Anchors(path) for path in site.rglob("*.html")}
+    assert len(pages) > 20
+    broken = []
+    for path, page in pages.items():
+        for link in page.links:
+            target, _, anchor = link.partition("#")
+            if re.match(r"[a-z]+:", target) or path.name in ("genindex.html", "search.html"):
+                continue
+            there = (path.parent / unquote(target)).resolve() if target else path
+            if there.is_dir():
+                there /= "index.html"
+            if not there.is_file() or (anchor and there in pages and anchor not in pages[there].ids):
+                broken.append(f"{path.relative_to(site)}: {link}")
+    assert broken == []
+
+
+def test_nothing_is_fetched_from_elsewhere_when_a_page_is_looked_at(site: Path) -> None:
+    for path in site.rglob("*.html"):
+        foreign = [source for source in Anchors(path).fetched if re.match(r"([a-z]+:)?//", source)]
+        assert foreign == [], path.name
+    for path in site.rglob("*.css"):
+        assert not re.search(r"(url\(|@import)\s*['\"]?(https?:)?//", path.read_text(encoding="utf-8")), path.name
+
+
+@pytest.mark.parametrize("path", written_pages(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_files_that_a_page_names_are_there(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    for target in (first or second for first, second in LINK.findall(text)):
+        if re.match(r"[a-z]+:|#", target) or Path(target).name in PAGES:
+            continue
+        assert (path.parent / target.partition("#")[0]).exists(), f"{path.name}: {target}"
+    for name in re.findall(r"`((?:config|docs|runtime|slam|drivers|tests|systemd)/[\w./-]+)`", text):
+        assert (ROOT / name).exists() or (ROOT / "runtime" / name).exists(), f"{path.name}: {name}"
+
+
+@pytest.mark.parametrize(("page", "line"), infant_lines())
+def test_a_command_that_a_page_shows_exists_with_these_options(page: str, line: str) -> None:
+    """Parsed by the command line itself, without being run."""
+    command: Any = typer.main.get_command(app)
+    words = shlex.split(line.replace("[", "").replace("]", "").replace("...", ""))[1:]
+    while hasattr(command, "commands"):
+        assert words[0] in command.commands, f"{page}: {line}"
+        command = command.commands[words.pop(0)]
+    command.make_context(command.name, words)
+
+
+def test_a_block_that_is_not_run_says_why() -> None:
+    for block in blocks():
+        assert block.language, f"{block.page}: a block without a language: {block.text[:40]!r}"
+        assert (block.language == "console") == block.excused, f"{block.page}: {block.text[:60]!r}"
+
+
+def test_every_page_with_a_block_to_run_is_run() -> None:
+    assert {block.page for block in blocks() if block.language == "sh"} <= {f"docs/{name}" for name in JOURNEY}
+
+
+@pytest.mark.docs
+def test_every_command_of_the_pages_runs(tmp_path: Path) -> None:
+    """In one folder and in the order of the journeys, as a reader would type them."""
+    (tmp_path / "config").symlink_to(ROOT / "config")
+    (tmp_path / "infant").write_text(f'#!/bin/sh\nexec {sys.executable} -m runtime.cli "$@"\n')
+    (tmp_path / "infant").chmod(0o755)
+    environment = {"PATH": f"{tmp_path}:/usr/bin:/bin:/usr/sbin", "PYTHONPATH": str(ROOT), "HOME": str(tmp_path)}
+    ran = 0
+    for name in JOURNEY:
+        for block in blocks():
+            if block.page != f"docs/{name}" or block.language != "sh":
+                continue
+            for line in block.commands:
+                done = subprocess.run(
+                    ["sh", "-ec", line], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=RUN_S,
+                    check=False,
+                )  # fmt: skip
+                assert done.returncode == 0, f"{block.page}: {line}\n{done.stdout}{done.stderr}"
+                ran += 1
+    assert ran >= 15
+
+
+def test_every_key_of_the_configuration_stands_in_its_reference_with_its_description() -> None:
+    page = PAGES["configuration.md"]()
+    missing = []
+    for path, _, model in tables():
+        for name, field in model.model_fields.items():
+            if models_in(field.annotation):
+                continue
+            if f"| `{name}` |" not in page or (name != "kind" and not field.description):
+                missing.append(f"{path}.{name}")
+    assert missing == []
+    assert "typing." not in page
+    assert "<class" not in page
+
+
+def test_a_default_of_the_reference_is_the_one_in_force() -> None:
+    page = PAGES["configuration.md"]()
+    section = page.partition("## [publish]")[2].partition("\n## ")[0]
+    row = next(line for line in section.splitlines() if line.startswith("| `lease_ms`"))
+    default = f" `{Configuration().publish.lease_ms}` "
+    assert row.split("|")[2:6] == [" whole number ", " ms ", " ≥ 500, ≤ 60000 ", default]
+    load_configuration_text("[publish]\nlease_ms = 500\n")
+
+
+def test_every_command_and_exit_code_stands_in_the_reference() -> None:
+    page, troubles = PAGES["commands.md"](), (DOCS / "troubleshooting.md").read_text(encoding="utf-8")
+    for name in getattr(typer.main.get_command(app), "commands", ()):
+        assert f"\n## infant {name}\n" in page
+    for error in error_classes():
+        assert f"| {error.exit_code} | {error.__name__} |" in page
+        assert f"\n| {error.exit_code} | " in troubles
+    for state in RunState:
+        assert re.search(rf"^\|.*\b{state}\b.*\|", troubles, re.MULTILINE), state
+
+
+def test_the_keys_of_the_reference_are_those_that_a_rover_says_with_these_encodings() -> None:
+    port = free_port()
+    said: dict[str, str] = {}
+    with publishing(settings_on(port)) as publisher, listening(f"tcp/127.0.0.1:{port}", "infant/**") as listener:
+
+        def complete() -> bool:
+            put_ticks(publisher, range(7, 8), 0.0)  # the seventh tick has an event
+            said.update({message["key"]: message["encoding"] for message in listener.messages})
+            return len(said) >= len(PUBLISHED) - 1
+
+        assert until(complete), said
+    wanted = {f"infant/r1/{key.name}": key.encoding for key in PUBLISHED if key.name != "health"}  # no monitor here
+    assert {key: said[key] for key in said if not key.endswith("/health")} == wanted
+    assert {key.name for key in ASKED} == {"pose", "status", "map", "configuration"}
