@@ -14,12 +14,16 @@ from runtime.errors import DataSetError
 
 @dataclass(frozen=True, slots=True)
 class Archive:
-    """Arrays by name; those that a set does not have are absent. meta: its description."""
+    """Arrays by name; those that a set does not have are absent. meta: its description.
+
+    laser_latency_s: taken off the stamps of what was seen.
+    """
 
     name: str
     path: Path
     arrays: dict[str, NDArray[Any]]
     meta: dict[str, Any]
+    laser_latency_s: float = 0.0
 
     def __contains__(self, name: str) -> bool:
         return name in self.arrays
@@ -30,14 +34,21 @@ class Archive:
     @property
     def start_s(self) -> float:
         """Earliest time of anything in the set, in its own seconds: zero of the run's stamps."""
-        times = [self.arrays[name] for name in ("scan_t", "odom_t", "obs_t", "gt_t") if name in self.arrays]
-        return float(min(time[0] for time in times if time.size))
+        firsts = [
+            float(self.arrays[name][0]) - self._late_s(name)
+            for name in ("scan_t", "odom_t", "obs_t", "gt_t")
+            if name in self.arrays and self.arrays[name].size
+        ]
+        return min(firsts)
 
     def stamps_ns(self, name: str) -> list[int]:
-        """Times of an array as nanoseconds since the set's start."""
-        offsets_s = self.arrays[name].astype(np.float64) - self.start_s
+        """Times of an array as nanoseconds since the set's start; those of scans and sightings without latency."""
+        offsets_s = self.arrays[name].astype(np.float64) - self._late_s(name) - self.start_s
         stamps: list[int] = np.round(offsets_s * 1e9).astype(np.int64).tolist()
         return stamps
+
+    def _late_s(self, name: str) -> float:
+        return self.laser_latency_s if name in ("scan_t", "obs_t") else 0.0
 
 
 def load_archive(source: Path) -> Archive:

@@ -1,5 +1,6 @@
 """`infant import`: a recorded data set becomes a run that replays and evaluates like any other."""
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -33,10 +34,13 @@ def import_data_set(source: Path, out: Path, config: Path | None = None) -> dict
     ConfigurationError, RunExistsError, StorageError; nothing is written unless the whole set can be read.
     """
     archive = load_carmen(source) if is_carmen(source) else load_archive(source)
-    wheels = wheel_samples(archive)
+    wheels = wheel_samples(archive)  # refuses a set of no use before anything else about it
     configuration = load_configuration(config if config is not None else configuration_path(archive))
     settings = configuration.data_set or DataSetSettings()
-    scans = seen(archive, settings.laser_latency_s)
+    if settings.laser_latency_s:
+        archive = replace(archive, laser_latency_s=settings.laser_latency_s)
+        wheels = wheel_samples(archive)
+    scans = seen(archive)
     truth = truth_of(archive)
     folder = RunFolder.create(out, out.parent)
     folder.write_configuration(configuration.text)

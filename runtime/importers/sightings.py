@@ -1,7 +1,6 @@
 """What a data set saw: scans of a laser, or sightings of coded landmarks."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,24 +11,13 @@ from runtime.importers.archive import Archive
 OTHER_ROBOTS = range(1, 6)  # MRCLAM: identities 1 to 5 are the other robots, which drive about
 
 
-def seen(archive: Archive, latency_s: float = 0.0) -> Iterator[ScanLike]:
-    """Scans or sightings in the order of their stamps, which are made earlier by latency_s.
-
-    What would then lie before the set's start is left out. Raises DataSetError when the set has neither.
-    """
-    latency_ns = round(latency_s * 1e9)
+def seen(archive: Archive) -> Iterator[ScanLike]:
+    """Scans or sightings in the order of their stamps. Raises DataSetError when the set has neither."""
     if "scan_t" in archive:
-        return _measured(_scans(archive), latency_ns)
+        return _scans(archive)
     if "obs_t" in archive:
-        return _measured(_sightings(archive), latency_ns)
+        return _sightings(archive)
     raise DataSetError(f"{archive.path} has neither scans (scan_t) nor observations (obs_t); nothing was written")
-
-
-def _measured(seen: Iterator[ScanLike], latency_ns: int) -> Iterator[ScanLike]:
-    """The same at the time of measurement."""
-    for scan in seen:
-        if scan.stamp_ns >= latency_ns:
-            yield replace(scan, stamp_ns=scan.stamp_ns - latency_ns)
 
 
 def no_return_m(archive: Archive) -> float:

@@ -81,7 +81,7 @@ def test_stamps_count_from_the_start_of_the_set(tmp_path: Path) -> None:
 
 def test_an_import_holds_every_scan_and_every_wheel_sample(tmp_path: Path) -> None:
     source = write_set(tmp_path / "a", SCANS | STEERED)
-    summary = import_data_set(source, tmp_path / "run")
+    summary = import_data_set(source, tmp_path / "run", CONFIGURATIONS / "carmen.toml")
     recorded = [again.tick for again in RunReader(tmp_path / "run").ticks()]
     assert [sample for tick in recorded for sample in tick.wheels] == wheel_samples(load_archive(source))
     assert [tick.scan.stamp_ns for tick in recorded if tick.scan] == [50_000_000, 250_000_000, 1_050_000_000]
@@ -98,10 +98,10 @@ def test_the_lasers_latency_is_taken_off_its_stamps_and_off_no_others(tmp_path: 
     assert imported["laser_latency_s"] == 0.06
     found = [recorded.tick for recorded in RunReader(tmp_path / "run").ticks()]
     stamps_ms = [tick.scan.stamp_ns / 1e6 for tick in found if tick.scan is not None]
-    assert stamps_ms == pytest.approx([190.0, 990.0]), "the first scan was measured before anything else was"
+    assert stamps_ms == pytest.approx([0.0, 200.0, 1000.0]), "the first scan was measured before anything else was"
     assert [tick.stamp_ns / 1e6 for tick in found if tick.scan is not None] == pytest.approx(stamps_ms)
     first = next(sample for tick in found for sample in tick.wheels)
-    assert first.stamp_ns == 0
+    assert first.stamp_ns == 10_000_000
 
 
 @pytest.mark.parametrize(
@@ -249,7 +249,7 @@ def test_sightings_of_one_instant_are_one_value_without_other_robots(tmp_path: P
 def test_truth_travels_inside_the_run(tmp_path: Path) -> None:
     fixes = {"gt_t": np.array([99.95, 100.5]), "gt_xy": np.array([[1.0, 2.0], [3.0, 4.0]])}
     source = write_set(tmp_path / "a", SCANS | STEERED | fixes | {"gt_good": np.array([False, True])})
-    import_data_set(source, tmp_path / "run")
+    import_data_set(source, tmp_path / "run", CONFIGURATIONS / "carmen.toml")
     truth = DataSetTruth.from_attachments(RunReader(tmp_path / "run").attachments)
     assert truth is not None
     assert truth.fixes is not None
@@ -329,7 +329,7 @@ KINDS = {
 @pytest.mark.parametrize("name", ["minesparis_exp1", "sjursflat", "intel_lab", "mrclam_d6_r1"])
 def test_real_recordings_are_imported_whole(recorded_data: Callable[[str], Path], tmp_path: Path, name: str) -> None:
     source = recorded_data(name)
-    summary = import_data_set(source, tmp_path / "run")
+    summary = import_data_set(source, tmp_path / "run", CONFIGURATIONS / "carmen.toml")
     recorded = [again.tick for again in RunReader(tmp_path / "run").ticks()]
     scans = [tick for tick in recorded if tick.scan is not None]
     samples = [sample for tick in recorded for sample in tick.wheels]
