@@ -131,6 +131,11 @@ def test_what_cannot_be_aligned_leaves_the_wheels_as_they_were(stops: list[Stop]
         alignment = Alignment(settings_of(), MOUNT)
         alignment.refine(first, MOVED)
         assert alignment.refine(scan, MOVED) is MOVED
+    few = np.full(180, 19.0, dtype=np.float32)
+    few[:40] = first.ranges_m[:40]  # 40 of 180 beams are where they were
+    slow, alignment = replace(MOVED, mean=np.array((0.01, 0.0, 0.0))), Alignment(settings_of(), MOUNT)
+    alignment.refine(first, slow)
+    assert alignment.refine(replace(first, stamp_ns=later, ranges_m=few), slow) is slow
     alignment = Alignment(settings_of(), MOUNT)
     alignment.refine(first, MOVED)
     endless = replace(MOVED, covariance=np.full((3, 3), np.nan))
