@@ -1,6 +1,8 @@
 """What went wrong on a CAN bus, in one sentence with the command that mends it."""
 
 import errno
+import re
+from importlib import metadata
 
 import can
 
@@ -8,6 +10,8 @@ from drivers.wheel_settings import BusSettings
 
 NO_CAN_IN_KERNEL = (errno.EAFNOSUPPORT, errno.EPROTONOSUPPORT)
 ABSENT = (errno.ENODEV, errno.ENXIO, errno.ENOENT)
+VENDOR = "install the vendor's driver for this system, or take an adapter that the kernel knows (socketcan)"
+MISSING_ARGUMENTS = re.compile(r"missing \d+ required .*arguments?: (.*)")
 FORBIDDEN = (errno.EPERM, errno.EACCES)
 
 
@@ -30,7 +34,12 @@ def advice(bus: BusSettings, error: BaseException) -> str:
         known = ", ".join(sorted(can.VALID_INTERFACES))
         return f"{where}: python-can has no such interface; set interface in [encoders.bus] to one of {known}"
     if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
-        return f"{where}: python-can has no {bus.interface} here ({error}); pip install 'python-can[{bus.interface}]'"
+        return f"{where}: python-can has no {bus.interface} here ({error}); {_install(bus.interface)}"
+    if isinstance(error, NameError) or "library not found" in str(error):
+        return f"{where}: the vendor's library is missing ({error}); {VENDOR}"
+    lacking = MISSING_ARGUMENTS.search(str(error)) if isinstance(error, TypeError) else None
+    if lacking is not None:
+        return f"{where}: this interface needs {lacking[1]}; set them in [encoders.bus.options]"
     if number in NO_CAN_IN_KERNEL:
         return f"{where}: this kernel has no CAN; load it with: sudo modprobe can-raw"
     if number in ABSENT:
@@ -67,6 +76,14 @@ def bus_off_advice(bus: BusSettings) -> str:
     )
     where = f"CAN bus {bus.interface} {bus.channel}"
     return f"{where}: bus-off after too many errors; if it does not restart by itself: {restart}"
+
+
+def _install(interface: str) -> str:
+    """What brings an interface: an extra of python-can where there is one."""
+    extras = metadata.metadata("python-can").get_all("Provides-Extra") or []
+    if interface.replace("_", "-") in (extra.replace("_", "-") for extra in extras):
+        return f"pip install 'python-can[{interface}]'"
+    return VENDOR
 
 
 def _make(bus: BusSettings) -> str:

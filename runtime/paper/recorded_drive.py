@@ -75,7 +75,8 @@ def recorded_drive(
     settings = SlamSettings.model_validate(merged(configuration.slam.model_dump(), changes))
     estimator = Estimator(settings, seed)
     stamps = configuration.data_set or DataSetSettings()
-    scans = thinned(seen(archive, stamps.laser_latency_s), left_out, np.random.default_rng([seed, 5]))
+    archive = replace(archive, laser_latency_s=stamps.laser_latency_s)
+    scans = thinned(seen(archive), left_out, np.random.default_rng([seed, 5]))
     wheels = wheel_samples(archive)
     spacing_ns = SLOW_SPACING_NS if isinstance(wheels[0], OdometryPose) else FAST_SPACING_NS
     rows: dict[str, list[tuple[float, ...]]] = {"published": [], "particles": [], "odometry": []}

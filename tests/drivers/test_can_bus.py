@@ -226,3 +226,21 @@ def test_what_the_kernel_throws_away_is_counted() -> None:
     finally:
         reader.close()
         writer.close()
+
+
+REMEDIES = ("pip install", "install the vendor's driver", "sudo ", "plug the adapter in", "[encoders.bus")
+
+
+@pytest.mark.parametrize("interface", sorted(can.VALID_INTERFACES))
+def test_every_interface_of_python_can_is_a_bus_or_one_sentence_with_its_remedy(interface: str) -> None:
+    udp = interface == "udp_multicast"
+    channel = "239.74.163.2" if udp else "can_absent" if interface == "socketcan" else "/dev/absent"
+    settings = BusSettings(interface=interface, channel=channel, port=free_port() if udp else 0)
+    try:
+        CanBus(settings, (0x181,), time.monotonic_ns).close()
+    except LinkError as error:
+        sentence = str(error)
+        assert interface in sentence
+        assert "\n" not in sentence
+        assert any(remedy in sentence for remedy in REMEDIES), sentence
+        assert "Traceback" not in sentence

@@ -352,7 +352,7 @@ def test_a_recorded_candump_replayed_over_the_bus_arrives_whole(recorded_data: C
     finally:
         replay.close()
         encoders.close()
-    # not the counter of lost frames: a sender that is held up at four times the speed sends what looks like a second one
+    # not the counter of lost frames: a sender that is held up at four times the speed looks like a second one
     assert len(tap.frames) == 1001
     # 0xFFFFFF00 to 0x471F through the wrap, as the file's first and last lines say; a frame is 37 counts,
     # and the last frames of a bunch give no sample
