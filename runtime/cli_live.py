@@ -40,6 +40,7 @@ def run(
     from runtime.notify import ServiceManager
     from runtime.overrides import key_values
     from runtime.run_folder import RunFolder
+    from runtime.startable import refuse_unusable
     from runtime.summary import summary_lines
 
     overrides = key_values(set_ or [])
@@ -50,6 +51,7 @@ def run(
         if seed is not None:
             configuration = load_configuration(config, {**overrides, "simulation.world.seed": str(seed)})
         duration = SIMULATED_DURATION_S if duration is None else duration
+    refuse_unusable(configuration, str(config))
     stop = stop_on_signals()
     folder = RunFolder.create(out, Path(configuration.record.folder))
     manager = ServiceManager(os.environ.get("NOTIFY_SOCKET", ""))
@@ -123,8 +125,11 @@ def check(
     from runtime.errors import PreflightError
     from runtime.overrides import key_values
     from runtime.preflight import Finding, Verdict, preflight, preflight_result, worst
+    from runtime.startable import refuse_unusable
 
     configuration = load_configuration(config, key_values(set_ or []))
+    if configuration.laser is not None and configuration.encoders is not None:  # else it is for recorded data
+        refuse_unusable(configuration, str(config))
     findings: list[Finding] = []
     steps = preflight(configuration) if live else iter([Finding("configuration", Verdict.PASS, str(config))])
     for finding in steps:

@@ -109,11 +109,21 @@ def _sentence(problem: Any) -> str:
             close = difflib.get_close_matches(str(location[-1]), known, n=1)
             hint = f"did you mean {close[0]}?" if close else f"known keys here: {', '.join(sorted(known))}"
             return f"{key} = {problem['input']!r}: unknown key; {hint}"
+        case "union_tag_invalid":
+            key, tags = f"{key}.{_discriminator(problem)}", problem["ctx"]["expected_tags"]
+            return f"{key} = {problem['ctx']['tag']!r}: expected one of {tags}; change it in the configuration"
+        case "union_tag_not_found":
+            return f"{key}.{_discriminator(problem)}: missing; it says what this table describes"
         case "missing":
             return f"{key}: missing; add it to the configuration"
         case _:
             expected = problem["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
             return f"{key} = {problem['input']!r}: expected {expected}; change it in the configuration"
+
+
+def _discriminator(problem: Any) -> str:
+    """The key that tells the tables of a union apart."""
+    return str(problem["ctx"]["discriminator"]).strip("'")
 
 
 def _fields_at(location: tuple[str | int, ...]) -> list[str]:

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from runtime.config import load_configuration, load_configuration_text
+from runtime.config import load_configuration
 from runtime.errors import PreflightError, StorageError
+from runtime.startable import refuse_unusable
 
 SHIPPED = Path(__file__).parents[1]
 SHIPPED_PROGRAM = Path("/opt/infant/.venv/bin/infant")  # as the units of the repository name it
@@ -71,12 +72,12 @@ def plan_install(root: Path, program: Path, configuration: Path | None = None) -
     """
     files = tuple(_planned(SHIPPED / name, root / place, program) for name, place in PLACES.items())
     source = configuration or SHIPPED / "config" / "rover.toml"
-    load_configuration(source)
+    refuse_unusable(load_configuration(source), str(source))
     chosen = _planned(source, root / CONFIGURATION, program)
     notes: tuple[str, ...] = ()
     if chosen.state is FileState.DIFFERS:
         chosen = PlannedFile(chosen.path, chosen.text, FileState.KEPT, chosen.diff)
-        load_configuration_text(_text(chosen.path), source=str(chosen.path))
+        refuse_unusable(load_configuration(chosen.path), str(chosen.path))
         notes += (f"{chosen.path} is kept as it is: a configuration is never overwritten",)
     if root == Path("/"):
         live = _live_commands()

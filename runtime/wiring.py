@@ -1,10 +1,13 @@
 """The one place that knows which concrete part stands behind each seam."""
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 from drivers.encoders import CanEncoders
 from drivers.hokuyo import Hokuyo
+from drivers.laser_settings import LaserSettings
 from drivers.measurements import Encoders, Laser
+from drivers.wheel_settings import EncoderSettings
 from runtime.clock import Clock
 from runtime.config import Configuration
 from runtime.errors import ConfigurationError
@@ -56,28 +59,45 @@ class Parts:
 
 
 def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock) -> Parts:
-    """Drivers and sinks of a live run, not started yet.
+    """Drivers and sinks of a live run, not started yet; where one cannot be made the others are closed again.
 
     Raises ConfigurationError when a sensor is not configured, SensorError when the simulation does not start.
     """
     if configuration.laser is None or configuration.encoders is None:
         absent = "laser" if configuration.laser is None else "encoders"
         raise ConfigurationError(f"{absent}: missing; a live run needs the tables [laser] and [encoders]")
-    laser, encoders, rover = configuration.laser, configuration.encoders, None
+    with ExitStack() as made:
+        parts = _made_parts(configuration, configuration.laser, configuration.encoders, folder, clock, made)
+        made.pop_all()  # all is well: closing is now up to the parts
+    return parts
+
+
+def _made_parts(
+    configuration: Configuration,
+    laser: LaserSettings,
+    encoders: EncoderSettings,
+    folder: RunFolder,
+    clock: Clock,
+    made: ExitStack,
+) -> Parts:
+    rover = review = None
     if configuration.simulation is not None:
         rover = SimulatedRover(configuration.simulation, laser, encoders)
+        made.callback(rover.close)
         laser, encoders = rover.laser, rover.encoders
-    review = None
     if configuration.review.live:
         review = ReviewProcess(folder.review_path, configuration.review, configuration.slam.mount.as_pose())
+        made.callback(review.close)
     tee = review.feed if review is not None else None
     threads = ThreadWatch(clock.now_ns)
     recorder = Recorder(
         folder, configuration.text, installed_versions(), tee, clock.now_ns, configuration.record,
         alive=threads.sign("recorder"),
     )  # fmt: skip
+    made.callback(recorder.close)
     threads.excuse("recorder", lambda: recorder.is_excused)
     publisher = ZenohPublisher(configuration.publish, configuration.rover, configuration_text=configuration.text)
+    made.callback(publisher.close)
     sinks: dict[str, Sink] = {"record": recorder, "publish": publisher}
     if review is not None:
         sinks["review"] = review
@@ -87,4 +107,3 @@ def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock) ->
     eyes = Hokuyo(laser, clock.now_ns, recorder, alive=threads.sign("laser", laser.retry_max_s))
     wheels = CanEncoders(encoders, clock.now_ns, tap, alive=threads.sign("encoders", encoders.bus.backoff_max_s))
     return Parts(eyes, wheels, sinks, publisher, rover, threads)
-

@@ -20,7 +20,7 @@ class OdometrySettings(BaseModel):
     wheel_radius_left_m: float = Field(default=0.125, gt=0, le=2, description="m; 0.125 in Table II of the paper")
     wheel_radius_right_m: float = Field(default=0.125, gt=0, le=2, description="m; 0.125 in Table II of the paper")
     tread_m: float = Field(default=0.5, gt=0, le=5, description="m between the wheels; 0.5 in Table II of the paper")
-    counts_per_rev: float = Field(default=4096.0, gt=0, description="counts per revolution of the wheel")
+    counts_per_rev: float = Field(default=4096.0, gt=0, le=1e7, description="counts per revolution of the wheel")
     wheel_base_m: float = Field(default=2.83, gt=0, le=20, description="m from rear to steered axle (steered only)")
     speed_wheel_offset_m: float = Field(
         default=0.76,

@@ -122,6 +122,7 @@ def test_the_viewer_opens_all_parts_as_one_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.soak
+@pytest.mark.timeout(1800)
 def test_memory_stays_flat_over_twenty_minutes_of_drawing(tmp_path: Path) -> None:
     process = ReviewProcess(tmp_path / "review.rrd", ReviewSettings(queue=4000), MOUNT)
     resident_mb: list[float] = []
@@ -129,10 +130,10 @@ def test_memory_stays_flat_over_twenty_minutes_of_drawing(tmp_path: Path) -> Non
         for tick in drive(600, seed=minute, start_ns=5_000_000_000 + minute * 60_000_000_000):
             for record in tick:
                 process.feed(record)
-            assert until(lambda: process.health().depth < 3000)
+            assert until(lambda: process.health().depth < 3000, 300.0)
         process.feed(Record(SEGMENT, 0, b"%d" % (minute + 1)))
         part = tmp_path / RunFolder.closed_review_name(minute + 1)
-        assert until(part.exists)
+        assert until(part.exists, 300.0)
         status = Path(f"/proc/{process.pid}/status").read_text()
         resident_mb.append(next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS")) / 1e3)
     process.close()
