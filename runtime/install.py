@@ -136,7 +136,7 @@ def execute(command: Command) -> None:
         raise PreflightError(f"{' '.join(command)}: {error.strerror}; the service needs systemd") from error
     if done.returncode:
         said = (done.stderr or done.stdout).strip().splitlines()
-        why = said[-1] if said else f"exit code {done.returncode}"
+        why = said[0].rstrip(".") if said else f"exit code {done.returncode}"
         raise PreflightError(f"{' '.join(command)}: {why}; mend it and run infant install again")
 
 

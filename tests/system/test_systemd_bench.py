@@ -13,7 +13,7 @@ import pytest
 from tests.system.bench.can_bench import BenchUnavailableError
 from tests.system.bench.systemd_bench import run_service_bench
 
-pytestmark = [pytest.mark.system, pytest.mark.timeout(1800)]
+pytestmark = [pytest.mark.system, pytest.mark.timeout(2400)]
 FOLDER = Path(os.environ.get("INFANT_BENCH", Path.home() / ".cache" / "infant-bench"))
 STARTS = 30  # StartLimitBurst of the unit
 Results = dict[str, dict[str, Any]]

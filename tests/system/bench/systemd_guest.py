@@ -136,7 +136,7 @@ def installation() -> None:
     began = time.monotonic()
     first = shell(f"{INFANT} install --json")
     seconds = time.monotonic() - began
-    if not (REPORT / "kernels.tar").exists():
+    if first.returncode == 0 and not (REPORT / "kernels.tar").exists():
         shell(f"tar -C /var/cache/infant -cf {REPORT}/kernels.tar kernels")
     second = shell(f"{INFANT} install --json")
     states = [sorted({each["state"] for each in json.loads(done.stdout)["files"]}) for done in (first, second)]
