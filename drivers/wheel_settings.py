@@ -65,7 +65,7 @@ class BusSettings(BaseModel):
         default=0.1, ge=0.01, le=5.0, description="seconds before the first new attempt to open"
     )
     backoff_max_s: float = Field(
-        default=0.8,
+        default=0.5,
         ge=0.05,
         le=60.0,
         description="longest wait between attempts; a bus that is back must be used within 1 s",

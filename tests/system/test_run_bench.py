@@ -13,7 +13,7 @@ from tests.system.bench.can_bench import BenchUnavailableError, run_bench
 from tests.system.bench.run_record import SECOND_NS, BenchRecord, Phase
 from tests.system.test_can_bench import FOLDER, RECOVERED_S, WRONG_MM
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.timeout(500)]
 LIMIT_S = 400.0
 NEAR_M = 0.1  # a pose is unaffected: ten times the error of a drive without trouble, a fifth of what a gap covers
 COUNT_MODULUS = 1 << 32

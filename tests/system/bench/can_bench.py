@@ -70,11 +70,11 @@ def kernels_of(tree: Path) -> Path:
 
 
 def run_bench(
-    folder: Path, program: str = "can_guest", limit_s: float = BOOT_LIMIT_S, out: Path | None = None
+    folder: Path, program: str = "can_guest", limit_s: float = BOOT_LIMIT_S, out: Path | None = None, task: str = ""
 ) -> dict[str, dict[str, Any]]:
     """Boot, let a program of this folder run in the guest, and give back its results by name.
 
-    out: a folder of the host that the guest may write to; it sees it as /run/out.
+    out: a folder of the host that the guest may write to; it sees it as /run/out. task: BENCH_TASK in the guest.
     """
     root = bench_root(folder)
     environment: dict[str, str | Path] = {
@@ -82,6 +82,7 @@ def run_bench(
         "BENCH_ROOT": root,
         "BENCH_PYTHON": sys.executable,
         "BENCH_PROGRAM": program,
+        "BENCH_TASK": task,
     }
     if out is not None:
         environment |= {"BENCH_OUT": out, "BENCH_KERNELS": kernels_of(TREE)}

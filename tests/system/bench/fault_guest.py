@@ -1,9 +1,10 @@
-"""What runs inside the guest: faults of the table that need a kernel, each many times over.
+"""What runs inside the guest: faults of the table that need a kernel, one of them (BENCH_TASK) many times over.
 
 A trial during which this process itself was not run for a while says nothing of the reader: it is repeated and counted.
 """
 
 import ctypes
+import os
 import subprocess
 import sys
 import time
@@ -107,7 +108,7 @@ def held_up(seconds: float) -> Callable[[], None]:
     return lambda: LIBC.usleep(round(seconds * 1e6))
 
 
-def main(root: Path) -> None:
+def main(root: Path, name: str) -> None:
     load_modules(root)
     make = "ip link add vcan0 type vcan && ip link set vcan0 up"
     shell(make)
@@ -117,20 +118,23 @@ def main(root: Path) -> None:
         time.clock_settime(time.CLOCK_REALTIME, time.time() + 3600.0 * hours[0])
         hours[0] = -hours[0]
 
+    down, up = "ip link set vcan0 down", "ip link set vcan0 up"
+    faults: dict[str, tuple[str, Callable[[], None], Callable[[], None], float]] = {
+        "clock": ("bus.clock_jump", jump, nothing, 0.05),
+        "late": ("bus.late", held_up(0.3), nothing, 0.0),
+        "down": ("bus.read", lambda: shell(down), lambda: shell(up), 0.3),
+        "deleted": ("bus.read", lambda: shell("ip link del vcan0"), lambda: shell(make), 0.3),
+        "overflow": ("bus.overflow", held_up(0.4), nothing, 0.45),
+    }
+    counter, begin, end, hold_s = faults[name]
+    bus = VCAN.model_copy(update={"receive_buffer_bytes": SMALL_BUFFER}) if name == "overflow" else VCAN
     with subprocess.Popen([sys.executable, "-c", NODE], stdin=subprocess.PIPE) as node:
-        watch = Watch(VCAN)
-        repeat("clock", Trials(watch, "bus.clock_jump"), jump, nothing, 0.05)
-        repeat("late", Trials(watch, "bus.late"), held_up(0.3), nothing, 0.0)
-        down, up = "ip link set vcan0 down", "ip link set vcan0 up"
-        repeat("down", Trials(watch, "bus.read"), lambda: shell(down), lambda: shell(up), 0.3)
-        repeat("deleted", Trials(watch, "bus.read"), lambda: shell("ip link del vcan0"), lambda: shell(make), 0.3)
+        watch = Watch(bus)
+        repeat(name, Trials(watch, counter), begin, end, hold_s)
         watch.encoders.close()
-        small = Watch(VCAN.model_copy(update={"receive_buffer_bytes": SMALL_BUFFER}))
-        repeat("overflow", Trials(small, "bus.overflow"), held_up(0.4), nothing, 0.25)
-        small.encoders.close()
         assert node.stdin is not None
         node.stdin.close()
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), os.environ["BENCH_TASK"])
