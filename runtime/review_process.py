@@ -4,6 +4,7 @@ The parent frames records onto the child's standard input; the child is `python 
 A child that dies or stalls costs the picture, which can be made again, and nothing else.
 """
 
+import contextlib
 import json
 import os
 import queue
@@ -162,5 +163,6 @@ def draw_from(stream: IO[bytes], path: Path, what: str) -> None:
 if __name__ == "__main__":
     # Ctrl-C goes to the whole group: the parent decides when the drawing ends, by closing the pipe
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(NICENESS)
+    with contextlib.suppress(OSError):  # a service manager may forbid it; the picture is drawn all the same
+        os.nice(NICENESS)
     draw_from(sys.stdin.buffer, Path(sys.argv[1]), sys.argv[2])
