@@ -57,7 +57,7 @@ def drive(
         round(1e9 / configuration.loop.rate_hz),
         parts.truth,
         watch,
-        parts.publisher.drain_events,
+        lambda: parts.publisher.drain_events() + parts.threads.drain_events(),
     )
     try:
         parts.start()

@@ -11,6 +11,7 @@ import pytest
 from drivers.encoders import CanEncoders
 from drivers.hokuyo import Hokuyo
 from drivers.laser_settings import LaserSettings
+from drivers.measurements import Severity
 from drivers.wheel_settings import BusSettings, EncoderSettings
 from runtime.messages import Record
 from runtime.notify import ServiceManager, WatchdogFeed
@@ -57,6 +58,22 @@ def test_a_thread_that_goes_silent_is_named_with_its_seconds() -> None:
     laser()
     clock.ns += S
     assert watch.stuck() == "the thread recorder has not got round for 31 s"
+
+
+def test_a_hang_and_its_end_are_one_event_each() -> None:
+    clock = SetClock()
+    watch = ThreadWatch(clock.now_ns)
+    laser = watch.sign("laser")
+    watch.begin()
+    assert watch.drain_events() == ()
+    clock.ns += round(PATIENCE_S * S) + S
+    (hangs,) = watch.drain_events()
+    assert (hangs.source, hangs.kind, hangs.severity) == ("laser", "hangs", Severity.ERROR)
+    assert hangs.reason == "the thread laser has not got round for 31 s; the watchdog is not fed meanwhile"
+    assert watch.drain_events() == ()
+    laser()
+    (again,) = watch.drain_events()
+    assert (again.reason, again.severity) == ("the thread laser gets round again", Severity.INFO)
 
 
 def test_the_longest_wait_of_a_thread_is_no_silence() -> None:
