@@ -13,7 +13,7 @@ use_compile_cache(os.environ)  # before numba
 
 import typer
 
-from runtime import cli_command, cli_install, cli_live, cli_log, cli_paper, cli_runs, cli_study
+from runtime import cli_command, cli_figures, cli_install, cli_live, cli_log, cli_paper, cli_runs, cli_study
 from runtime.errors import InfantError
 
 app = typer.Typer(
@@ -24,6 +24,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 cli_live.register(app)
+cli_figures.register(app)
 cli_install.register(app)
 cli_runs.register(app)
 cli_log.register(app)

@@ -1,11 +1,12 @@
-"""One step of the estimator that cannot stop the loop; live and replay both go through here."""
+"""Stages that cannot stop the loop, whatever they raise: the step, through which replay goes as well, and the sinks."""
 
 import traceback
 from typing import Protocol
 
 from drivers.measurements import Event, ScanLike, Severity, WheelSample
-from runtime.tick import Tick
+from runtime.tick import Sink, Tick, Timing
 from slam.estimate import Estimate
+from slam.pose import Pose2
 
 
 class Stepping(Protocol):
@@ -36,3 +37,21 @@ def contained_step(estimator: Stepping, tick: Tick) -> tuple[Estimate, tuple[Eve
             Severity.ERROR,
         )
         return estimator.step(tick.stamp_ns, None, ()), (defect,)
+
+
+def contained_put(
+    name: str,
+    sink: Sink,
+    tick: Tick,
+    estimate: Estimate,
+    timing: Timing,
+    state_hash: bytes,
+    truth: Pose2 | None,
+) -> tuple[Event, ...]:
+    """Hand one tick to a sink; a sink that raises loses this tick and says so in the record of the next one."""
+    try:
+        sink.put(tick, estimate, timing, state_hash, truth)
+    except Exception as error:  # noqa: BLE001 - the rover needs its pose, whatever a sink thinks of it
+        reason = f"{type(error).__name__}: {error}; the sink {name} lost tick {tick.seq}"
+        return (Event(tick.stamp_ns, name, "defect", reason, Severity.ERROR),)
+    return ()

@@ -49,14 +49,20 @@ class HealthMonitor:
         sensors: Mapping[str, SensorHealth],
         sinks: Mapping[str, SinkHealth],
         quality: Quality,
+        doubt: str = "",
     ) -> tuple[Health, tuple[Event, ...]]:
-        """Health now, and an event if the state or a reason has changed since the last call."""
+        """Health now, and an event if the state or a reason has changed since the last call.
+
+        doubt: why the pose is not believed, as the estimate says.
+        """
         reasons = tuple(
             f"{name} {health.state}: {health.reason}"
             for name, health in sensors.items()
             if health.state is not SensorState.FRESH
         )
         reasons += tuple(self._sink_reasons(sinks))
+        if quality is not Quality.TRACKING:
+            reasons = (f"pose {quality}, {doubt}" if doubt else f"pose {quality}", *reasons)
         if quality is Quality.LOST:
             state = RunState.LOST
         elif reasons:

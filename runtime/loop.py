@@ -2,50 +2,28 @@
 
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 
 from drivers.measurements import Encoders, Event, Laser, Severity
 from runtime.clock import Clock
-from runtime.containment import Stepping, contained_step
+from runtime.containment import Stepping, contained_put, contained_step
 from runtime.health import Health, HealthMonitor
+from runtime.stage_clock import StageClock, slowest
 from runtime.tick import Sink, Tick, Timing
+from runtime.timekeeping import Timekeeping
 from slam.estimate import Estimate
 from slam.pose import Pose2
 
 Truth = Callable[[int], Pose2 | None]
 Watch = Callable[[Tick, Estimate, Timing, Health], None]
 
-
-@dataclass(slots=True)
-class Timekeeping:
-    """How well the grid was kept: one entry a tick, in nanoseconds."""
-
-    lateness_ns: list[int] = field(default_factory=list)
-    duration_ns: list[int] = field(default_factory=list)
-    missed: int = 0
-    first_beat_ns: int = 0
-    last_beat_ns: int = 0
-
-    def note(self, beat_ns: int, lateness_ns: int, missed: int, duration_ns: int) -> None:
-        """One tick that has ended."""
-        if not self.lateness_ns:
-            self.first_beat_ns = beat_ns
-        self.last_beat_ns = beat_ns
-        self.missed += missed
-        self.lateness_ns.append(lateness_ns)
-        self.duration_ns.append(duration_ns)
-
-    @property
-    def rate_hz(self) -> float:
-        """Ticks a second between the first and the last."""
-        span_ns = self.last_beat_ns - self.first_beat_ns
-        return (len(self.lateness_ns) - 1) * 1e9 / span_ns if span_ns > 0 else 0.0
+ASLEEP = "waking up"
 
 
 class Loop:
     """Runs the estimator on a fixed grid of beats; a beat that is overslept is skipped, counted and recorded.
 
     Nothing in here waits for a sensor, a file or a network: the sensors hand out what they have, the sinks queue.
+    stages: the clock that the estimator marks its stages on, where it does.
     """
 
     def __init__(
@@ -60,6 +38,7 @@ class Loop:
         truth: Truth,
         watch: Watch,
         commands: Callable[[], tuple[Event, ...]] = tuple,
+        stages: StageClock | None = None,
     ) -> None:
         self.timekeeping = Timekeeping()
         self._clock = clock
@@ -72,6 +51,8 @@ class Loop:
         self._truth = truth
         self._watch = watch
         self._commands = commands
+        self._stages = StageClock(clock) if stages is None else stages
+        self._after_ns: dict[str, int] = {}
 
     def run(self, start_ns: int, stop: threading.Event, duration_ns: int | None) -> None:
         """Beat from start_ns until `stop` is set or the duration has passed."""
@@ -84,6 +65,8 @@ class Loop:
             events = self._beat(seq, beat_ns, lateness_ns, missed, events)
             elapsed = (self._clock.now_ns() - beat_ns) // self._period_ns
             missed = max(0, elapsed)
+            if missed:
+                events += (self._overrun(seq, beat_ns, missed, lateness_ns),)
             seq += 1 + missed
 
     def _beat(
@@ -91,27 +74,42 @@ class Loop:
     ) -> tuple[Event, ...]:
         """One tick; returns the events that belong into the next one."""
         began_ns = self._clock.now_ns()
+        stages = self._stages
+        stages.begin()
         events = carried + self._laser.drain_events() + self._encoders.drain_events() + self._commands()
-        if missed:
-            events += (
-                Event(beat_ns, "loop", "missed", f"{missed} beat(s) before tick {seq} overslept", Severity.WARN),
-            )
         tick = Tick(seq, beat_ns, self._laser.latest(), self._encoders.drain(), events)
-        read_ns = self._clock.now_ns()
+        stages.mark("read")
         estimate, defects = contained_step(self._estimator, tick)
-        stepped_ns = self._clock.now_ns()
-        timing = Timing(lateness_ns, missed, {"read": read_ns - began_ns, "step": stepped_ns - read_ns})
         state_hash = self._estimator.state_hash()
+        stages.mark("estimate")
+        stepped_ns = self._clock.now_ns()
+        before_ns = stages.durations_ns()
+        step_ns = sum(before_ns.values()) - before_ns["read"]
+        timing = Timing(lateness_ns, missed, {"step": step_ns, **before_ns, **self._after_ns})
         truth = self._truth(estimate.stamp_ns)
-        for sink in self._sinks.values():
-            sink.put(tick, estimate, timing, state_hash, truth)
+        stages.mark("truth")
+        for name, sink in self._sinks.items():
+            defects += contained_put(name, sink, tick, estimate, timing, state_hash, truth)
+            stages.mark(f"hand to {name}")
         health, changes = self._monitor.assess(
             beat_ns,
             {"laser": self._laser.health(), "encoders": self._encoders.health()},
             {name: sink.health() for name, sink in self._sinks.items()},
             estimate.quality,
+            estimate.doubt,
         )
+        stages.mark("health")
         self._watch(tick, estimate, timing, health)
-        self.timekeeping.note(beat_ns, lateness_ns, missed, self._clock.now_ns() - began_ns)
+        stages.mark("status")
+        ended_ns = self._clock.now_ns()
+        durations_ns = stages.durations_ns()
+        self._after_ns = {name: took for name, took in durations_ns.items() if name not in before_ns}
+        self.timekeeping.note(beat_ns, lateness_ns, missed, ended_ns - began_ns)
+        self.timekeeping.note_stages({"step": step_ns, **durations_ns}, ended_ns - stepped_ns)
         return defects + changes
 
+    def _overrun(self, seq: int, beat_ns: int, missed: int, lateness_ns: int) -> Event:
+        """Which stage of this tick kept the loop from the beats after it."""
+        name, took_ns = slowest({ASLEEP: lateness_ns, **self._stages.durations_ns()})
+        reason = f"{missed} beat(s) before tick {seq + 1 + missed} overslept: {name} took {took_ns * 1e-6:.0f} ms"
+        return Event(beat_ns, "loop", "missed", reason, Severity.WARN)

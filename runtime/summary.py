@@ -5,22 +5,46 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from drivers.measurements import SensorHealth
-from runtime.loop import Timekeeping
 from runtime.sensor_report import sensor_lines, sensor_object
 from runtime.tick import SinkHealth, Tick, Timing
+from runtime.timekeeping import Timekeeping
 from slam.estimate import Estimate
 from slam.pose import Pose2
+
+
+@dataclass(slots=True)
+class SquaredErrors:
+    """Sum, number and largest of squared distances; memory does not grow with the run."""
+
+    sum_m2: float = 0.0
+    largest_m2: float = 0.0
+    count: int = 0
+
+    def add(self, estimate: Pose2, truth: Pose2) -> None:
+        """One tick."""
+        square_m2 = (estimate.x_m - truth.x_m) ** 2 + (estimate.y_m - truth.y_m) ** 2
+        self.sum_m2 += square_m2
+        self.largest_m2 = max(self.largest_m2, square_m2)
+        self.count += 1
+
+    @property
+    def rms_m(self) -> float | None:
+        """None without any."""
+        return round(math.sqrt(self.sum_m2 / self.count), 4) if self.count else None
+
+    @property
+    def largest_m(self) -> float | None:
+        """None without any."""
+        return round(math.sqrt(self.largest_m2), 4) if self.count else None
 
 
 @dataclass(slots=True)
 class ErrorTrack:
     """Sink that compares the pose and plain odometry with the simulator's truth, in the frame of the start pose."""
 
-    slam_m2: list[float] = field(default_factory=list)
-    odometry_m2: list[float] = field(default_factory=list)
+    slam: SquaredErrors = field(default_factory=SquaredErrors)
+    odometry: SquaredErrors = field(default_factory=SquaredErrors)
     last: Estimate | None = None
     landmarks: int = 0
 
@@ -36,8 +60,8 @@ class ErrorTrack:
         self.last = estimate
         self.landmarks = int(estimate.counts.get("landmarks", self.landmarks))
         if truth is not None:
-            self.slam_m2.append(_distance_m2(estimate.map_from_body, truth))
-            self.odometry_m2.append(_distance_m2(estimate.odom_from_body, truth))
+            self.slam.add(estimate.map_from_body, truth)
+            self.odometry.add(estimate.odom_from_body, truth)
 
     def health(self) -> SinkHealth:
         """Keeps figures in memory only: never in trouble."""
@@ -51,18 +75,18 @@ def summarise(
     run: str, timekeeping: Timekeeping, errors: ErrorTrack, sensors: Mapping[str, SensorHealth]
 ) -> dict[str, Any]:
     """The summary of a live run; figures that do not exist are None. sensors: how they were at its end."""
-    lateness_ms = np.array(timekeeping.lateness_ns or [0]) * 1e-6
-    step_ms = np.array(timekeeping.duration_ns or [0]) * 1e-6
     return {
         "run": run,
-        "ticks": len(timekeeping.lateness_ns),
+        "ticks": timekeeping.ticks,
         "missed": timekeeping.missed,
         "rate_hz": round(timekeeping.rate_hz, 4),
-        "lateness_ms": _spread(lateness_ms),
-        "tick_ms": _spread(step_ms),
-        "odometry_rms_m": _rms(errors.odometry_m2),
-        "slam_rms_m": _rms(errors.slam_m2),
-        "slam_max_m": round(math.sqrt(max(errors.slam_m2)), 4) if errors.slam_m2 else None,
+        "lateness_ms": timekeeping.lateness.spread(),
+        "tick_ms": timekeeping.duration.spread(),
+        "overhead_ms": timekeeping.overhead.spread(),
+        "stages_ms": {name: durations.spread() for name, durations in timekeeping.stages.items()},
+        "odometry_rms_m": errors.odometry.rms_m,
+        "slam_rms_m": errors.slam.rms_m,
+        "slam_max_m": errors.slam.largest_m,
         "landmarks": errors.landmarks,
         "sensors": {name: sensor_object(sensor) for name, sensor in sensors.items()},
     }
@@ -70,11 +94,12 @@ def summarise(
 
 def summary_lines(summary: dict[str, Any]) -> list[str]:
     """The summary for a person."""
-    late, tick = summary["lateness_ms"], summary["tick_ms"]
+    late, tick, over = summary["lateness_ms"], summary["tick_ms"], summary["overhead_ms"]
     lines = [
         f"ticks     {summary['ticks']} at {summary['rate_hz']:.2f} Hz, {summary['missed']} missed",
         f"lateness  p50 {late['p50']:.2f}  p99 {late['p99']:.2f}  max {late['max']:.2f} ms",
         f"tick      p50 {tick['p50']:.2f}  p99 {tick['p99']:.2f}  max {tick['max']:.2f} ms",
+        f"overhead  p50 {over['p50']:.2f}  p99 {over['p99']:.2f}  max {over['max']:.2f} ms (record, network, log)",
         f"landmarks {summary['landmarks']}",
         *sensor_lines(summary["sensors"]),
     ]
@@ -86,15 +111,3 @@ def summary_lines(summary: dict[str, Any]) -> list[str]:
     lines.append(f"run       {summary['run']}")
     return lines
 
-
-def _distance_m2(estimate: Pose2, truth: Pose2) -> float:
-    return (estimate.x_m - truth.x_m) ** 2 + (estimate.y_m - truth.y_m) ** 2
-
-
-def _rms(squares_m2: list[float]) -> float | None:
-    return round(math.sqrt(sum(squares_m2) / len(squares_m2)), 4) if squares_m2 else None
-
-
-def _spread(values: "np.ndarray[Any, np.dtype[np.float64]]") -> dict[str, float]:
-    p50, p99 = np.percentile(values, (50, 99))
-    return {"p50": round(float(p50), 3), "p99": round(float(p99), 3), "max": round(float(values.max()), 3)}

@@ -26,7 +26,8 @@ class Tick:
 class Timing:
     """How the loop kept time on one tick; never read by the estimator.
 
-    lateness_ns: wake-up after the grid point; missed: beats skipped before this one; stages_ns by name.
+    lateness_ns: wake-up after the grid point; missed: beats skipped before this one. stages_ns by name: "step" is all
+    of the estimator, its stages follow; those after it ("hand to record", "health", ...) are of the tick before.
     """
 
     lateness_ns: int

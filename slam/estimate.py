@@ -40,6 +40,8 @@ class Estimate:
 
     map_from_body, covariance (3, 3) over x, y, heading: the published pose.
     particle_mean, particle_covariance: the particles' own, kept beside it; their gap is a health signal.
+    quality, doubt: whether the pose can be believed, and why not; the words before the colon name the reason. While it
+        is lost the covariance is grown, because the filter's own knows nothing of what happened.
     odom_from_body: dead reckoning alone since the start.
     particles (M, 3) poses and particle_weights (M,): None on a tick without a scan.
     features, matches (K,): features of the scan and what became of each (identity, or a MatchVerdict).
@@ -63,3 +65,4 @@ class Estimate:
     beam_verdicts: NDArray[np.uint8] | None = None
     landmarks: LandmarkMap | None = None
     counts: dict[str, float] = field(default_factory=dict)
+    doubt: str = ""

@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+from collections.abc import Callable
 from itertools import chain
 from typing import Any
 
@@ -10,19 +11,24 @@ from numpy.typing import NDArray
 
 from drivers.measurements import Scan, ScanLike, WheelSample
 from slam.alignment import Alignment
-from slam.estimate import Estimate, Quality
+from slam.estimate import Estimate
+from slam.evidence import Standing
 from slam.fastslam import NO_SIGHT, FastSlam, ScanOutcome
 from slam.front_end import make_front_end
 from slam.joint import JointGaussian
 from slam.observations import Features
 from slam.odometry import Increment, Odometry
 from slam.pose import Pose2
-from slam.quality import judge
+from slam.quality import QualityMonitor
 from slam.settings import SlamSettings
 from slam.sweep import Twist, with_motion_noise
 from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, warm_up_window
 
 FloatArray = NDArray[np.float64]
+
+
+def unmarked(stage: str) -> None:
+    """Nobody wants to know how long the stages take."""
 
 
 class Estimator:
@@ -31,8 +37,10 @@ class Estimator:
     Deterministic: the same settings, seed and inputs give the same bits. Stamps are the only time it knows.
     """
 
-    def __init__(self, settings: SlamSettings, seed: int) -> None:
+    def __init__(self, settings: SlamSettings, seed: int, mark: Callable[[str], None] = unmarked) -> None:
+        """mark: told the name of each stage of a step as it ends, for someone who has a clock."""
         self._settings = settings
+        self._mark = mark
         self._generator = np.random.default_rng(seed)
         mount = settings.mount.as_pose()
         techniques = settings.techniques
@@ -46,6 +54,7 @@ class Estimator:
         self._alignment = Alignment(settings.front_end, mount)
         self._particles = FastSlam(settings, self._generator)
         self._joint = JointGaussian(settings.joint, mount, settings.tuning())
+        self._quality = QualityMonitor(settings.quality)
         self._scan_ns: int | None = None
         self._refused_scans = 0
         self._not_finite = 0
@@ -60,11 +69,17 @@ class Estimator:
         increment = self._alignment.refine(scan, self._odometry.take_until(scan.stamp_ns))
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
         predicted = self._joint.map_from_body @ increment.as_pose()
+        self._mark("odometry")
         features, verdicts = self._front_end.observe(scan, predicted, twist, increment.at_rest)
+        self._mark("front end")
         features = with_motion_noise(features, scan, increment.covariance, increment.duration_s)
         sight = sight_line(scan)
         outcome = self._particles.step(increment, features, sight)
-        self._joint.step(increment.mean, increment.covariance, features, outcome.matches, sight)
+        self._mark("particles")
+        standing = Standing(self._quality.settled_before, self._quality.is_lost(scan.stamp_ns))
+        self._joint.step(increment.mean, increment.covariance, features, outcome.matches, sight, standing)
+        self._quality.weigh(scan.stamp_ns, self._joint.evidence)
+        self._mark("joint")
         self._chain_hash(outcome)
         return self._with_scan(stamp_ns, increment, features, verdicts, outcome)
 
@@ -114,7 +129,7 @@ class Estimator:
             "at_rest": float(increment.at_rest),
             "odometry_known": float(increment.known),
             "scans_aligned": float(self._alignment.refined),
-        }
+        } | self._quality.figures
         due = self._particles.scans % self._settings.map_every == 0
         return Estimate(
             stamp_ns=stamp_ns,
@@ -138,16 +153,16 @@ class Estimator:
         gap_m = math.hypot(pose.x_m - particle_mean.x_m, pose.y_m - particle_mean.y_m)
         since = self._odometry.predicted(stamp_ns)
         moved = since.as_pose()
-        blind_s = since.duration_s if self._scan_ns is not None else math.inf
         grown = compound(pose, covariance, since)
-        quality: Quality = judge(self._settings.quality, grown, gap_m, blind_s)
+        judgement = self._quality.judge(stamp_ns, grown, gap_m)
         return {
             "map_from_body": pose @ moved,
-            "covariance": grown,
+            "covariance": self._quality.published(judgement.quality, grown),
             "particle_mean": particle_mean @ moved,
             "particle_covariance": compound(particle_mean, particle_covariance, since),
             "odom_from_body": self._odometry.odom_from_body @ moved,
-            "quality": quality,
+            "quality": judgement.quality,
+            "doubt": judgement.doubt,
         }
 
     def _counts(self) -> dict[str, float]:
@@ -169,6 +184,7 @@ class Estimator:
             digest.update(np.ascontiguousarray(array).data)
         digest.update(repr(self._generator.bit_generator.state).encode())
         digest.update(self._joint.state_bytes())
+        digest.update(self._quality.state_bytes())
         self._hash = digest.digest()
 
 

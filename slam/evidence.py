@@ -34,6 +34,21 @@ class Evidence:
     square: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """What the scans before said about the pose.
+
+    settled_before: number of the scan before which a landmark must have been made to speak for or against the pose.
+    lost: nothing may be written into the map, because what is seen does not belong where the pose says.
+    """
+
+    settled_before: int = 0
+    lost: bool = False
+
+
+TRUSTED = Standing()
+
+
 def weigh(
     mean: FloatArray,
     covariance: FloatArray,

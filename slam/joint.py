@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slam.estimate import LandmarkMap
-from slam.evidence import Evidence, weigh
+from slam.evidence import TRUSTED, Evidence, Standing, weigh
 from slam.joint_association import PENDING, Gates, follow
 from slam.joint_atlas import AWAY
 from slam.joint_kernels import predict, update
@@ -86,13 +86,14 @@ class JointGaussian:
         features: Features,
         hints: IntArray,
         sight: FloatArray = NO_SIGHT,
-        settled_before: int = 0,
+        standing: Standing = TRUSTED,
     ) -> IntArray:
         """One scan; increment (3,) and (3, 3) since the last one in the body frame of then.
 
         hints (K,): identities or verdicts of the best particle, used where settings say so. sight: the scan itself as
         slam.kernels takes it, for what should have been seen. Returns this filter's own identities or verdicts (K,).
         A feature that is not finite or whose covariance is not positive definite is refused, counted, and OUT_OF_RANGE.
+        standing: what the scans before said about the pose; while it is lost, nothing is written into the map.
         """
         state = self._state
         at_rest = not (increment_covariance.any() or increment_mean.any())
@@ -103,14 +104,15 @@ class JointGaussian:
         sensor = sensor_pose(state.mean, self._mount)
         places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
         chosen = self._associate(rows, features.identities[usable], hints[usable], places)
-        self.evidence = self._weigh(rows, chosen, places, sight, settled_before)
+        self.evidence = self._weigh(rows, chosen, places, sight, standing.settled_before)
         matched = np.flatnonzero(chosen >= 0)
         self._update(places[chosen[matched]], rows[matched])
         verdicts = np.full(len(features), int(MatchVerdict.OUT_OF_RANGE), dtype=np.int64)
         verdicts[usable] = chosen
         verdicts[usable[matched]] = state.atlas.identities[state.rows_at(places[chosen[matched]])]
-        self._existence(places, chosen[matched], sight)
-        self._create(rows, usable, chosen, features.identities, hints)
+        if not standing.lost:
+            self._existence(places, chosen[matched], sight)
+            self._create(rows, usable, chosen, features.identities, hints)
         state.put_away()
         self.scans += 1
         return verdicts

@@ -7,7 +7,7 @@ feature is inside one, and a filter that believes it has lost its heading.
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.joint_association import Gates, associate, nearest_old, presume
+from slam.joint_association import AMBIGUOUS, Gates, associate, nearest_old, presume
 from slam.joint_neighbours import block, neighbour_distances
 
 FloatArray = NDArray[np.float64]
@@ -16,6 +16,7 @@ BoolArray = NDArray[np.bool_]
 
 LEAST_AGREEING = 4  # old landmarks that a presumed slip must explain
 SLIPS_PRESUMED = 8  # at most, in one scan
+BELIEVED = 4  # at least one in so many of the features that look like an old landmark
 
 
 def associate_with_slip(
@@ -34,7 +35,8 @@ def associate_with_slip(
     mean, covariance: the predicted joint state, of which `size` entries are in use. old (k,): landmarks that have
     stood for long; features that may be theirs are looked at first, nearest first, so that no walker moves the pose
     before they do. Where most of what lies within slip_square of an old landmark finds none, each of the likeliest
-    pairs is presumed in turn, and the one with which most old landmarks are found is kept.
+    pairs is presumed in turn, and the one with which most old landmarks are found is kept. Where that is still few,
+    they match by chance, as with a blinded laser or a kidnapped rover: then nothing is believed.
     """
     apart = neighbour_distances(mean, size, places)
     best, squares = np.empty(len(rows), dtype=np.int64), np.empty(len(rows))
@@ -51,9 +53,10 @@ def associate_with_slip(
         presume(part_mean, part_covariance, mount, int(best[seed]), rows[seed])
         trial = np.empty_like(chosen)
         associate(part_mean, part_covariance, mount, apart, rows, order, gates, trial)
-        agreeing = _old_ones(trial, old)
-        if agreeing >= least:
-            chosen, least = trial, agreeing + 1
+        if _old_ones(trial, old) >= least:
+            chosen, least = trial, _old_ones(trial, old) + 1
+    if BELIEVED * _old_ones(chosen, old) < likely:
+        chosen[chosen >= 0] = AMBIGUOUS
     return chosen
 
 

@@ -1,14 +1,28 @@
-"""Whether the published pose can be believed."""
+"""Whether the published pose can be believed: tracking, uncertain or lost, from what the filter itself sees.
+
+What counts are landmarks that were settled before any doubt began: after a kidnapping the filter soon finds a new map
+around the wrong pose, and that map agrees with it. The effective number of particles is not asked: it is as low on a
+good drive as on a lost one.
+"""
 
 import math
+import struct
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from slam.estimate import Quality
+from slam.evidence import Evidence
 
 FloatArray = NDArray[np.float64]
+
+CEILING = 1.5  # times the bound: what the score can pile up, so that a rover that finds itself says so soon
+FADING = 0.02  # of the score a scan while nothing of the map is in view: it neither speaks for the pose nor against it
+CONSISTENT = 2.0  # expected squared distance of a range and a bearing
+SMOOTHING = 0.1  # weight of one scan in the mean squared distance: it looks back a second
+QUICKLY = 0.3  # weight of one scan in what is known and found: one chance find in ten scans is not support
 
 
 class QualitySettings(BaseModel):
@@ -16,27 +30,165 @@ class QualitySettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    settled_scans: int = Field(
+        default=30, ge=1, le=100_000, description="scans after which a landmark speaks for or against the pose"
+    )
+    lost_score: float = Field(
+        default=20.0, gt=0, le=1e6,
+        description="settled landmarks missed in plain sight, less those found, added up over scans, never below 0; "
+        "uncertain from half of it on",
+    )  # fmt: skip
+    found_share: float = Field(
+        default=0.08, ge=0, le=1,
+        description="of the settled landmarks in range, over some scans; where less is found, chance finds it",
+    )  # fmt: skip
+    uncertain_blind_s: float = Field(
+        default=0.8, gt=0, le=1000, description="s without a scan that supports the pose"
+    )
+    lost_blind_s: float = Field(default=2.0, gt=0, le=1000, description="s; the same")
     uncertain_m: float = Field(
         default=1.0, gt=0, le=100, description="m; standard deviation of the position, larger axis"
     )
     lost_m: float = Field(default=5.0, gt=0, le=1000, description="m; the same")
-    uncertain_blind_s: float = Field(default=1.0, gt=0, le=100, description="s without a scan")
-    lost_blind_s: float = Field(default=10.0, gt=0, le=1000, description="s without a scan")
     uncertain_gap_m: float = Field(
         default=1.5, gt=0, le=100, description="m between particles and joint Gaussian beyond 3 sigma of it"
     )
+    uncertain_square: float = Field(
+        default=8.0, gt=0, le=1000,
+        description="mean squared Mahalanobis distance of what is found, over a second; 2 is consistent",
+    )  # fmt: skip
+    lost_sigma_m: float = Field(
+        default=10.0, ge=0, le=1000,
+        description="m; standard deviation that is added to the published position while it is lost",
+    )  # fmt: skip
+    lost_sigma_rad: float = Field(
+        default=1.8, ge=0, le=4, description="rad; the same for the heading: any heading is as likely as any other"
+    )
 
 
-def judge(settings: QualitySettings, covariance: FloatArray, gap_m: float, blind_s: float) -> Quality:
-    """Quality from the covariance (3, 3), the distance between both estimators, and the time since the last scan."""
-    if not np.isfinite(covariance).all():
-        return Quality.LOST
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """Quality with its reason, "" while tracking; the words before the colon name it, figures follow."""
+
+    quality: Quality
+    doubt: str = ""
+
+
+class QualityMonitor:
+    """Adds up the evidence of scan after scan."""
+
+    def __init__(self, settings: QualitySettings) -> None:
+        self._settings = settings
+        self._score = 0.0
+        self._lost = False
+        self._square = CONSISTENT
+        self._known = self._found = 0.0
+        self._scans = 0
+        self._trusted_scans = 0
+        self._supported_ns: int | None = None
+        self._evidence = Evidence()
+
+    @property
+    def settled_before(self) -> int:
+        """Number of the scan before which a landmark must have been made to count."""
+        return self._trusted_scans - self._settings.settled_scans
+
+    @property
+    def score(self) -> float:
+        """Missed less found, added up; lost from settings.lost_score on, until it is back at 0."""
+        return self._score
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """What the judgement rests on, for the record."""
+        evidence = self._evidence
+        return {
+            "known_in_view": float(evidence.known),
+            "known_found": float(evidence.found),
+            "known_missed": float(evidence.missed),
+            "known_square": evidence.square,
+            "doubt_score": self._score,
+        }
+
+    def is_lost(self, stamp_ns: int) -> bool:
+        """Whether the map must be left as it is: what is seen now does not belong to it."""
+        return self._lost or self._blind_s(stamp_ns) > self._settings.lost_blind_s
+
+    def weigh(self, stamp_ns: int, evidence: Evidence) -> None:
+        """One scan."""
+        settings = self._settings
+        self._scans += 1
+        self._evidence = evidence
+        if evidence.known == 0 and not self._lost:
+            self._score *= 1.0 - FADING
+        score = self._score + evidence.missed - evidence.found
+        self._score = min(max(score, 0.0), CEILING * settings.lost_score)
+        if self._score < 0.1:
+            self._score = 0.0
+        self._lost = self._score >= settings.lost_score or (self._lost and self._score > 0.0)
+        if evidence.found > 0:
+            self._square += SMOOTHING * (evidence.square - self._square)
+        if evidence.known > 0:
+            self._known += QUICKLY * (evidence.known - self._known)
+            self._found += QUICKLY * (evidence.found - self._found)
+        if evidence.known == 0 or self._found >= settings.found_share * self._known:
+            self._supported_ns = stamp_ns
+            if self._score == 0.0:
+                self._trusted_scans = self._scans
+
+    def judge(self, stamp_ns: int, covariance: FloatArray, gap_m: float) -> Judgement:
+        """At stamp_ns, with the covariance (3, 3) and the distance between particles and joint Gaussian."""
+        settings, evidence = self._settings, self._evidence
+        if self._supported_ns is None:
+            self._supported_ns = stamp_ns
+        if not np.isfinite(covariance).all():
+            return Judgement(Quality.LOST, "the covariance is not finite")
+        blind_s, deviation_m = self._blind_s(stamp_ns), largest_deviation_m(covariance)
+        against = f"landmarks are not where they should be: found {evidence.found}, missed {evidence.missed}"
+        blind = f"nothing of the map is seen: for {blind_s:.1f} s"
+        wide = f"the position is not known well enough: sigma {deviation_m:.1f} m"
+        if self._lost:
+            return Judgement(Quality.LOST, against)
+        if blind_s > settings.lost_blind_s:
+            return Judgement(Quality.LOST, blind)
+        if deviation_m > settings.lost_m:
+            return Judgement(Quality.LOST, wide)
+        if self._score >= 0.5 * settings.lost_score:
+            return Judgement(Quality.UNCERTAIN, against)
+        if self._scans == 0:
+            return Judgement(Quality.UNCERTAIN, "no scan has come yet")
+        if blind_s > settings.uncertain_blind_s:
+            return Judgement(Quality.UNCERTAIN, blind)
+        if deviation_m > settings.uncertain_m:
+            return Judgement(Quality.UNCERTAIN, wide)
+        if gap_m > settings.uncertain_gap_m + 3.0 * deviation_m:
+            return Judgement(Quality.UNCERTAIN, f"particles and joint Gaussian disagree: by {gap_m:.1f} m")
+        if self._square > settings.uncertain_square:
+            return Judgement(
+                Quality.UNCERTAIN, f"landmarks are farther off than their noise allows: square {self._square:.1f}"
+            )
+        return Judgement(Quality.TRACKING)
+
+    def published(self, quality: Quality, covariance: FloatArray) -> FloatArray:
+        """The covariance (3, 3) that goes out: grown while lost, because the filter's own knows nothing of it."""
+        if quality is not Quality.LOST:
+            return covariance
+        square_m2 = self._settings.lost_sigma_m**2
+        grown: FloatArray = covariance + np.diag((square_m2, square_m2, self._settings.lost_sigma_rad**2))
+        return grown
+
+    def state_bytes(self) -> bytes:
+        """What the next judgement depends on, for a hash."""
+        supported = -1 if self._supported_ns is None else self._supported_ns
+        sums = (self._score, self._square, self._known, self._found)
+        return struct.pack("<dddd?qqq", *sums, self._lost, self._scans, self._trusted_scans, supported)
+
+    def _blind_s(self, stamp_ns: int) -> float:
+        return 0.0 if self._supported_ns is None else (stamp_ns - self._supported_ns) * 1e-9
+
+
+def largest_deviation_m(covariance: FloatArray) -> float:
+    """Standard deviation of the position along the larger axis of its ellipse; covariance (3, 3)."""
     difference, cross = covariance[0, 0] - covariance[1, 1], covariance[0, 1]
     largest = 0.5 * (covariance[0, 0] + covariance[1, 1] + math.hypot(difference, 2.0 * cross))
-    deviation = math.sqrt(max(largest, 0.0))
-    if deviation > settings.lost_m or blind_s > settings.lost_blind_s:
-        return Quality.LOST
-    apart = gap_m > settings.uncertain_gap_m + 3.0 * deviation
-    if deviation > settings.uncertain_m or blind_s > settings.uncertain_blind_s or apart:
-        return Quality.UNCERTAIN
-    return Quality.TRACKING
+    return math.sqrt(max(largest, 0.0))

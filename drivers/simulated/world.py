@@ -55,9 +55,10 @@ class Sweep:
 class World:
     """A park with people and one rover in it."""
 
-    def __init__(self, settings: WorldSettings) -> None:
+    def __init__(self, settings: WorldSettings, path: RoverPath | None = None) -> None:
+        """path: another way through the same park than the settings say."""
         self.settings = settings
-        self._path = RoverPath(settings.drive)
+        self._path = RoverPath(settings.drive) if path is None else path
         rng = np.random.default_rng([settings.seed, 0])
         self._park = plant(settings, self._path.course, rng)
         corners = self._path.course.points_m(np.arange(0.0, self._path.course.length_m, 0.1))
@@ -73,6 +74,15 @@ class World:
     def landmarks(self) -> Landmarks:
         """What a perfect map would hold."""
         return Landmarks(self._park.landmarks_m.copy(), self._park.radii_m.copy())
+
+    def clearance_m(self, points_m: FloatArray) -> float:
+        """Distance from points (n, 2) to the nearest thing that stands in the park; below zero inside one."""
+        to_circles = np.hypot(*(points_m[:, None] - self._fixed_m).transpose(2, 0, 1)) - self._fixed_radii_m
+        starts, spans = self._park.wall_starts_m, self._park.wall_ends_m - self._park.wall_starts_m
+        offsets = points_m[:, None] - starts
+        share = np.clip((offsets * spans).sum(axis=-1) / np.maximum((spans**2).sum(axis=-1), 1e-9), 0.0, 1.0)
+        to_walls = np.hypot(*(offsets - share[..., None] * spans).transpose(2, 0, 1))
+        return float(min(to_circles.min(initial=np.inf), to_walls.min(initial=np.inf)))
 
     def map_from_body(self, t_ns: int) -> tuple[float, float, float]:
         """x m, y m, heading rad (unwrapped) of the body in the map; (0, 0, 0) at the start."""

@@ -177,9 +177,9 @@ def test_no_input_makes_an_estimate_that_is_not_a_number(ticks: list[tuple[int, 
         assert_finite(estimator.step(number * TICK, scan, samples))
 
 
-def test_an_estimator_that_sees_nothing_says_that_it_is_lost() -> None:
+def test_an_estimator_that_sees_nothing_says_so_and_that_it_is_lost_in_the_end() -> None:
     estimator = Estimator(settings_of(), 1)
-    assert estimator.step(0, None, ()).quality is Quality.LOST
+    assert estimator.step(0, None, ()).quality is Quality.UNCERTAIN
     drive(estimator, 21)
     assert estimator.step(200 * TICK, None, ()).quality is Quality.LOST
 

@@ -1,0 +1,115 @@
+"""What the filter says about its own pose: from evidence alone, and in whole drives on which something happens."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.simulated.world_settings import WorldSettings
+from runtime.quality.drives import BLINDED, KIDNAPPED, Mishap, MishapKind, draw_mishap, moments
+from slam.estimate import Estimate, Quality
+from slam.estimator import Estimator
+from slam.evidence import Evidence
+from slam.quality import QualityMonitor, QualitySettings
+from slam.settings import SlamSettings
+
+NARROW = np.diag((1e-4, 1e-4, 1e-6))
+GOOD = Evidence(known=20, found=12, missed=0, square=2.0)
+GONE = Evidence(known=20, found=0, missed=10, square=0.0)
+TICK_NS = 100_000_000
+
+
+def after(*scans: Evidence, settings: QualitySettings | None = None) -> tuple[QualityMonitor, int]:
+    """A monitor after these scans, and the time of the last one."""
+    monitor, now_ns = QualityMonitor(settings or QualitySettings()), 0
+    for evidence in scans:
+        now_ns += TICK_NS
+        monitor.weigh(now_ns, evidence)
+    return monitor, now_ns
+
+
+def quality(monitor: QualityMonitor, now_ns: int, gap_m: float = 0.0, sigma_m: float = 0.01) -> Quality:
+    return monitor.judge(now_ns, np.diag((sigma_m**2, sigma_m**2, 1e-6)), gap_m).quality
+
+
+def test_landmarks_missed_in_plain_sight_make_the_pose_uncertain_and_then_lost() -> None:
+    assert quality(*after(*[GOOD] * 20)) is Quality.TRACKING
+    assert quality(*after(*[GOOD] * 20, GONE)) is Quality.UNCERTAIN
+    assert quality(*after(*[GOOD] * 20, GONE, GONE)) is Quality.LOST
+
+
+def test_lost_ends_only_when_what_is_found_makes_up_for_what_was_missed() -> None:
+    some = replace(GOOD, found=4)
+    assert quality(*after(*[GONE] * 3, some)) is Quality.LOST
+    assert quality(*after(*[GONE] * 3, *[GOOD] * 4)) is Quality.TRACKING
+
+
+def test_a_rover_that_lost_its_way_does_not_believe_in_the_map_that_it_found_there() -> None:
+    monitor, _ = after(*[GOOD] * 100)
+    before = monitor.settled_before
+    lost, _ = after(*[GOOD] * 100, *[GONE] * 10, *[Evidence()] * 300)
+    assert lost.settled_before == before
+    assert lost.is_lost(410 * TICK_NS)
+
+
+@pytest.mark.parametrize("blind", [replace(GOOD, found=0), Evidence(known=30, found=1, missed=0, square=3.0)])
+def test_scans_in_which_only_chance_finds_anything_do_not_support_the_pose(blind: Evidence) -> None:
+    assert quality(*after(*[GOOD] * 20, *[blind] * 5)) is Quality.TRACKING
+    assert quality(*after(*[GOOD] * 20, *[blind] * 18)) is Quality.UNCERTAIN
+    assert quality(*after(*[GOOD] * 20, *[blind] * 28)) is Quality.LOST
+
+
+def test_without_scans_the_pose_becomes_uncertain_and_then_lost() -> None:
+    monitor, now_ns = after(*[GOOD] * 20)
+    states = [quality(monitor, now_ns + tenths * TICK_NS) for tenths in (5, 15, 25)]
+    assert states == [Quality.TRACKING, Quality.UNCERTAIN, Quality.LOST]
+
+
+def test_open_country_where_nothing_is_expected_is_no_loss() -> None:
+    assert quality(*after(*[GOOD] * 20, *[Evidence()] * 600)) is Quality.TRACKING
+
+
+def test_a_wide_covariance_a_gap_between_the_filters_and_inconsistent_innovations_are_doubts() -> None:
+    monitor, now_ns = after(*[GOOD] * 20)
+    assert quality(monitor, now_ns, sigma_m=1.5) is Quality.UNCERTAIN
+    assert quality(monitor, now_ns, sigma_m=6.0) is Quality.LOST
+    assert quality(monitor, now_ns, gap_m=2.0) is Quality.UNCERTAIN
+    assert quality(*after(*[replace(GOOD, square=12.0)] * 40)) is Quality.UNCERTAIN
+    assert monitor.judge(now_ns, np.full((3, 3), np.nan), 0.0).quality is Quality.LOST
+
+
+def test_every_doubt_has_a_reason_whose_name_does_not_change_with_its_figures() -> None:
+    names = set()
+    for scans in (20, 25, 30):
+        monitor, now_ns = after(*[GOOD] * 20, *[replace(GOOD, found=0)] * scans)
+        names.add(monitor.judge(now_ns, NARROW, 0.0).doubt.split(":")[0])
+    assert names == {"nothing of the map is seen"}
+    assert after(GOOD)[0].judge(TICK_NS, NARROW, 0.0).doubt == ""
+
+
+def drive(mishap: Mishap, settings: WorldSettings, until_s: float) -> list[Estimate]:
+    estimator = Estimator(SlamSettings.model_validate({"particles": 5, "mount": {"x_m": 0.3}}), 1)
+    steps = moments(settings, until_s, mishap)
+    return [estimator.step(moment.stamp_ns, moment.scan, moment.wheels) for moment in steps]
+
+
+@pytest.mark.parametrize("kind", [KIDNAPPED[2], *BLINDED])
+def test_a_kidnapped_or_blinded_rover_says_that_it_is_lost_within_three_seconds(kind: MishapKind) -> None:
+    settings = WorldSettings(seed=7)
+    mishap = replace(draw_mishap(kind, settings), at_s=12.0)
+    estimates = drive(mishap, settings, 15.0)
+    before, last = estimates[115], estimates[-1]
+    assert all(estimate.quality is Quality.TRACKING for estimate in estimates[40:118])
+    assert last.quality is Quality.LOST
+    assert last.doubt
+    assert (np.sqrt(np.diag(last.covariance)) > (9.9, 9.9, 1.7)).all()
+    assert before.covariance[0, 0] < 0.01
+
+
+@pytest.mark.parametrize("kind", [MishapKind.NOTHING_BACK, MishapKind.GARBAGE])
+def test_a_rover_that_sees_again_finds_itself_because_it_kept_its_map(kind: MishapKind) -> None:
+    settings = WorldSettings(seed=7)
+    estimates = drive(Mishap(kind, 12.0, for_s=4.0), settings, 18.0)
+    assert estimates[158].quality is Quality.LOST
+    assert estimates[-1].quality is Quality.TRACKING
+    assert estimates[-1].covariance[0, 0] < 0.01
