@@ -11,6 +11,7 @@ from runtime.loop import Loop
 from runtime.notify import ServiceManager, WatchdogFeed
 from runtime.realtime import enter_real_time, freeze_garbage, leave_real_time
 from runtime.run_folder import RunFolder
+from runtime.stage_clock import StageClock
 from runtime.status_line import StatusLine, status_text
 from runtime.summary import ErrorTrack, summarise
 from runtime.tick import Tick, Timing
@@ -32,8 +33,9 @@ def drive(
     manager: ServiceManager,
 ) -> dict[str, Any]:
     """Run until `stop` or the duration, write everything, and return the summary (also kept as summary.json)."""
-    Estimator.warm_up()
-    estimator = Estimator(configuration.slam, configuration.seed)
+    Estimator.warm_up(configuration.slam)
+    stages = StageClock(clock)
+    estimator = Estimator(configuration.slam, configuration.seed, stages.mark)
     parts = live_parts(configuration, folder, clock)
     status = StatusLine(stream)
     errors = ErrorTrack()
@@ -58,6 +60,7 @@ def drive(
         parts.truth,
         watch,
         lambda: parts.publisher.drain_events() + parts.threads.drain_events(),
+        stages,
     )
     try:
         parts.start()
