@@ -62,6 +62,11 @@ def claims(outcomes: Outcomes, comparisons: Iterable[Row]) -> list[Claim]:
                 found.append(ratio_claim(row, "the largest error falls by 80 %", 0.2, "that of the particles"))
             case ("proposed", "normal", "published_largest_m"):
                 found.append(ratio_claim(row, "the largest error falls by 80 %", 0.2, "that of the published pose"))
+            case ("proposed", "only range", "particles_largest_m" | "published_largest_m") if row["particles"]:
+                whose = "the particles" if "particles" in row["quantity"] else "the published pose"
+                what = f"that of {whose} ({row['particles']} particles; normal estimation with a range gate, which "
+                what += "changes nothing but its time)"
+                found.append(ratio_claim(row, "the largest error falls by 80 %", 0.2, what))
             case ("proposed", "normal", "landmarks"):
                 found.append(ratio_claim(row, "627 landmarks become 213, -66 %", 213 / 627, "the number of landmarks"))
             case ("proposed", "normal", "filter_cpu_s"):
@@ -114,5 +119,6 @@ def _odometry_claims(outcomes: Outcomes) -> list[Claim]:
         better = int((ours < dead).sum())
         here = f"in {better} of {len(ours)} seeds (mean {ours.mean():.2f} against {dead.mean():.2f} m, {name})"
         verdict: Verdict = "holds" if better == len(ours) else "does not hold"
-        found.append(Claim(f"{cell.world}, {cell.arm}", "SLAM is more accurate than odometry", here, verdict))
+        where = f"{cell.world}, {cell.arm}" + (f", {cell.particles} particles" if cell.particles else "")
+        found.append(Claim(where, "SLAM is more accurate than odometry", here, verdict))
     return found

@@ -81,7 +81,7 @@ def _against_normal() -> list[Wanted]:
             for whose, limits in (("published", (0.35, 0.2)), ("particles", (0.45, 0.3))):
                 base = "normal estimation" if arm == NORMAL else "normal estimation with a range gate"
                 what = f"{WHOSE[whose]}, largest error over that of {base}"
-                asked = limits if world == "V2" else None
+                asked = limits if world == "V2" and arm == RANGE_GATED else None
                 figures.append(
                     Wanted(what, START, world, f"{whose}_largest_m", RATIO, asked, particles, against=arm)
                 )

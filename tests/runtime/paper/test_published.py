@@ -33,15 +33,16 @@ def test_one_landmark_at_a_time_gives_finite_figures_better_than_odometry() -> N
 def test_every_figure_says_whether_it_is_what_was_asked_for() -> None:
     outcomes = {
         Cell("P", PROPOSED, 30): [result(published_largest_m=value, nees_median=0.5) for value in (0.8, 0.9, 0.7)],
-        Cell("V2", PROPOSED): [result(published_largest_m=0.2), result(published_largest_m=0.4)],
-        Cell("V2", NORMAL): [result(particles_largest_m=2.0), result(particles_largest_m=4.0)],
+        Cell("V2", PROPOSED, 30): [result(published_largest_m=0.2), result(published_largest_m=0.4)],
+        Cell("V2", RANGE_GATED, 30): [result(particles_largest_m=2.0), result(particles_largest_m=4.0)],
     }
     rows = published_rows(spread_rows(outcomes), comparison_rows(outcomes))
     reached = {(row["world"], row["what"]): (round(row["value"], 6), row["reached"]) for row in rows}
     assert reached == {
         ("P", "published pose, largest error, m"): (0.8, "must"),
         ("P", "median NEES of the published pose"): (0.5, "not reached"),
-        ("V2", "published pose, largest error over that of normal estimation"): (0.1, "aim"),
+        ("V2", "published pose, largest error over that of normal estimation with a range gate"): (0.1, "aim"),
+        ("V2", "published pose, largest error, m"): (0.3, "aim"),
     }
     text = "\n".join(published_lines(rows, []))
     assert "0.8 [0.7, 0.9]  must 1, aim 0.6: must" in text

@@ -59,6 +59,13 @@ def test_a_study_compares_by_seed_and_sets_the_published_pose_against_normal_par
     assert rows["V2", "published_largest_m"]["difference"] == pytest.approx(np.mean(differences))
 
 
+def test_an_arm_with_fewer_seeds_is_compared_on_those_that_it_has() -> None:
+    few = [{"landmarks": value} for value in (10.0, 30.0)]
+    many = [{"landmarks": value} for value in (5.0, 15.0, 400.0)]
+    (row,) = comparison_rows({Cell("V2", "proposed"): many, Cell("V2", "normal"): few}, ("normal",))
+    assert (row["seeds"], row["ratio"]) == (2, 0.5)
+
+
 def test_pairing_takes_out_what_the_seeds_have_in_common() -> None:
     seeds = np.random.default_rng(3).uniform(1.0, 9.0, 20)
     paired = compare(seeds + 0.5, seeds)
