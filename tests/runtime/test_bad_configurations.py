@@ -4,6 +4,8 @@ import random
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -109,20 +111,41 @@ AT_THE_COMMAND_LINE = [
 ]
 
 
-@pytest.mark.parametrize(("content", "sentence"), [each[1:] for each in AT_THE_COMMAND_LINE],
-                         ids=[each[0] for each in AT_THE_COMMAND_LINE])  # fmt: skip
-def test_the_command_line_ends_with_3_and_starts_nothing(
-    content: str | bytes | None, sentence: str, tmp_path: Path
-) -> None:
-    config = tmp_path / "rover.toml"
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How one start ended, and what it left beside its configuration."""
+
+    code: int
+    said: str
+    config: Path
+    made: list[Path]
+
+
+def started(folder: Path, content: str | bytes | None) -> Ended:
+    folder.mkdir()
+    config = folder / "rover.toml"
     if content is not None:
         config.write_bytes(content.encode() if isinstance(content, str) else content)
-    before = sorted(tmp_path.rglob("*"))
-    command = [sys.executable, "-m", "runtime.cli", "run", "--config", str(config), "--out", str(tmp_path / "run")]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 3, done.stderr
-    assert done.stderr.startswith("infant: ")
-    assert sentence in done.stderr
-    assert str(config) in done.stderr
-    assert "Traceback" not in done.stderr
-    assert sorted(tmp_path.rglob("*")) == before, "nothing was made"
+    command = [sys.executable, "-m", "runtime.cli", "run", "--config", str(config), "--out", str(folder / "run")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=240, check=False)
+    return Ended(done.returncode, done.stderr, config, [path for path in folder.rglob("*") if path != config])
+
+
+@pytest.fixture(scope="module")
+def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Ended]:
+    """All of them at once: most of a start is reading programs."""
+    folder = tmp_path_factory.mktemp("starts")
+    with ThreadPoolExecutor(4) as pool:
+        made = {name: pool.submit(started, folder / name, content) for name, content, _ in AT_THE_COMMAND_LINE}
+        return {name: future.result() for name, future in made.items()}
+
+
+@pytest.mark.parametrize(("name", "sentence"), [(name, sentence) for name, _, sentence in AT_THE_COMMAND_LINE])
+def test_the_command_line_ends_with_3_and_starts_nothing(name: str, sentence: str, ends: dict[str, Ended]) -> None:
+    ended = ends[name]
+    assert ended.code == 3, ended.said
+    assert ended.said.startswith("infant: ")
+    assert sentence in ended.said
+    assert str(ended.config) in ended.said
+    assert "Traceback" not in ended.said
+    assert not ended.made
