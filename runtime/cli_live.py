@@ -5,10 +5,13 @@ import os
 import signal
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from runtime.cli_progress import busy
 
 Config = Annotated[Path, typer.Option("--config", help="TOML file; config/mock.toml drives the simulated rover")]
 Out = Annotated[Path | None, typer.Option("--out", help="folder of the run; made here, never overwritten")]
@@ -172,10 +175,15 @@ def status(
             raise SensorError(rovers.silence_sentence(endpoints))
 
 
-def warmup() -> None:
+def warmup(as_json: AsJson = False) -> None:
     """Compile the kernels of the filter into the cache, so that no run has to; make and the service call it."""
     from runtime.compile_cache import forget_other_versions, use_compile_cache
     from slam.estimator import Estimator
 
-    Estimator.warm_up()
-    forget_other_versions(use_compile_cache(os.environ))
+    began_s = time.monotonic()
+    with busy("compile the kernels of the filter"):
+        Estimator.warm_up()
+    cache = use_compile_cache(os.environ)
+    forget_other_versions(cache)
+    if as_json:
+        typer.echo(json.dumps({"seconds": round(time.monotonic() - began_s, 3), "cache": str(cache)}))

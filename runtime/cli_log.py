@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from runtime.cli_progress import busy
+
 Run = Annotated[Path, typer.Argument(help="folder of a run", show_default=False)]
 AsJson = Annotated[bool, typer.Option("--json", help="one JSON object on standard output and nothing else there")]
 
@@ -48,7 +50,8 @@ def verify(run: Run, as_json: AsJson = False) -> None:
     from runtime.errors import StorageError
     from runtime.run_check import verify_run
 
-    found = verify_run(run)
+    with busy("read"):
+        found = verify_run(run)
     if as_json:
         typer.echo(json.dumps({"run": str(run), "whole": not found.damages} | asdict(found)))
     else:
@@ -73,7 +76,8 @@ def recover(
     from runtime.run_folder import RunFolder
 
     RunFolder.open(run)
-    result = recover_run(run, RunFolder.create(out, out.parent))
+    with busy("recover"):
+        result = recover_run(run, RunFolder.create(out, out.parent))
     if as_json:
         typer.echo(json.dumps(result))
         return

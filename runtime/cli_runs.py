@@ -10,6 +10,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from runtime.cli_progress import busy
+
 AsJson = Annotated[bool, typer.Option("--json", help="one JSON object on standard output and nothing else there")]
 
 
@@ -92,7 +94,8 @@ def import_(
     """Turn recorded data of others into a run that can be replayed and evaluated."""
     from runtime.importers.data_set import import_data_set
 
-    result = import_data_set(source, out, config)
+    with busy("import"):
+        result = import_data_set(source, out, config)
     typer.echo(json.dumps(result) if as_json else "\n".join(f"{key:12s} {value}" for key, value in result.items()))
 
 
@@ -104,7 +107,8 @@ def evaluate(
     """Compare the poses of a run with the truth that it has, and write trajectory.tum for evo."""
     from runtime import evaluate as evaluation
 
-    result = evaluation.evaluate(run, truth)
+    with busy("evaluate"):
+        result = evaluation.evaluate(run, truth)
     typer.echo(json.dumps(result) if as_json else "\n".join(evaluation.evaluation_lines(result)))
 
 
@@ -121,7 +125,8 @@ def review(
     from runtime.run_folder import RunFolder
     from runtime.view import with_estimates
 
-    report = build_report(run)
+    with busy("judge"):
+        report = build_report(run)
     folder = with_estimates(RunFolder.open(run))
     build_review(folder.path, folder.review_path, progress=progress_bar("draw"))
     report["review"] = str(folder.review_path)
@@ -141,7 +146,8 @@ def compare(
     """Two runs side by side: figures, findings and what the configurations differ in."""
     from runtime.report.compare import build_comparison, comparison_lines
 
-    result = build_comparison(first, second, out)
+    with busy("compare"):
+        result = build_comparison(first, second, out)
     typer.echo(json.dumps(result) if as_json else "\n".join(comparison_lines(result)))
 
 
@@ -151,6 +157,7 @@ def view(
     screenshot: Annotated[
         Path | None, typer.Option("--screenshot", metavar="FILE.png", help="a picture, without a screen")
     ] = None,
+    as_json: AsJson = False,
 ) -> None:
     """Open the review of a run, on this machine only."""
     from runtime import view as viewer
@@ -158,8 +165,13 @@ def view(
 
     folder = RunFolder.open(run)
     progress = progress_bar("draw")
-    if screenshot is not None:
-        for report in viewer.screenshot(folder, screenshot, progress=progress):
-            typer.echo(f"infant: the viewer reports: {report}", err=True)
-    else:
-        viewer.open_review(folder, web, progress)
+    if screenshot is None:
+        code = viewer.open_review(folder, web, progress)
+        if as_json:
+            typer.echo(json.dumps({"run": str(run), "viewer_exit_code": code}))
+        return
+    reports = viewer.screenshot(folder, screenshot, progress=progress)
+    if as_json:
+        typer.echo(json.dumps({"run": str(run), "picture": str(screenshot), "viewer_reports": reports}))
+    for report in () if as_json else reports:
+        typer.echo(f"infant: the viewer reports: {report}", err=True)

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from runtime.cli_progress import busy
+
 AsJson = Annotated[bool, typer.Option("--json", help="one JSON object on standard output and nothing else there")]
 
 
@@ -42,7 +44,8 @@ def calibrate(
     from runtime.calibrate.write import write_configuration
     from runtime.config import load_configuration
 
-    result, believed = calibrate_runs(runs, None if config is None else load_configuration(config))
+    with busy("calibrate"):
+        result, believed = calibrate_runs(runs, None if config is None else load_configuration(config))
     changed = write_configuration(result, believed.text, write) if write is not None else ()
     if as_json:
         typer.echo(json.dumps(result.as_json() | {"written": None if write is None else str(write)}))

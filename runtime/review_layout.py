@@ -79,6 +79,9 @@ LEGEND = """\
 | yellow points | landmarks; brown where existence is doubted |
 | discs | covariances, {sigmas:g} sigma |
 | green spokes | a feature matched to its landmark |
+| curves of age | laser white, wheels orange |
+| curves of innovation | seen minus expected, of ranges and of bearings: mean blue, RMS grey |
+| curve of the laser's clock | host minus laser since the start: a slope is drift, 1 ms in 10 s are 100 ppm |
 | labelled points | a feature that is new, or the technique that refused to use it |
 
 {facts}
@@ -223,11 +226,11 @@ def layout(extent: Extent, with_truth: bool) -> rrb.Blueprint:
         _plot("effective particles, matched green", "plots/filter"),
         _plot("loop (ms): step blue, late yellow", "plots/timing"),
         rrb.Tabs(
-            _plot("age (ms): laser, wheels", "plots/sensors"),
+            _plot("age (ms)", "plots/sensors"),
             _plot("landmarks", "plots/map"),
-            _plot("innovation, range (m): mean blue, RMS grey", "plots/innovation_range_m"),
-            _plot("innovation, bearing (deg): mean blue, RMS grey", "plots/innovation_bearing_deg"),
-            _plot("laser clock behind host (ms): a slope is drift", "plots/clock"),
+            _plot("innovation (m)", "plots/innovation_range_m"),
+            _plot("innovation (deg)", "plots/innovation_bearing_deg"),
+            _plot("laser clock (ms)", "plots/clock"),
         ),
         grid_columns=2,
     )
