@@ -4,6 +4,7 @@ import ctypes
 import json
 import os
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -22,7 +23,7 @@ while True:
     os.pwrite(handle, os.urandom(4096), 0)
     os.fsync(handle)
 """
-PR_CAPBSET_DROP = 24  # linux/prctl.h
+PR_SET_PDEATHSIG, PR_CAPBSET_DROP = 1, 24  # linux/prctl.h
 PRIVILEGES = (14, 23, 24)  # linux/capability.h: CAP_IPC_LOCK, CAP_SYS_NICE, CAP_SYS_RESOURCE
 RATE_TOLERANCE = 1e-3
 WAKE_P99_MS, WAKE_MAX_MS, OVERHEAD_P99_MS = 5.0, 20.0, 2.0
@@ -96,13 +97,18 @@ def rate_lines(measured: dict[str, Any]) -> list[str]:
 def neighbours(hogs: int, synced: Path | None) -> Iterator[None]:
     """Processes that take what they can get of the processor and of the disk."""
     programs = [[HOG]] * hogs + ([[FSYNC_LOOP, str(synced)]] if synced is not None else [])
-    processes = [subprocess.Popen([sys.executable, "-c", *words]) for words in programs]
+    processes = [subprocess.Popen([sys.executable, "-c", *words], preexec_fn=end_with_parent) for words in programs]
     try:
         yield
     finally:
         for process in processes:
             process.kill()
             process.wait()
+
+
+def end_with_parent() -> None:
+    """In the child: a neighbour that nobody ends would stay for ever."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
 def give_up_privileges() -> None:
