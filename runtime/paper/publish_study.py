@@ -8,6 +8,7 @@ from runtime.errors import StorageError
 from runtime.paper import figures, tables
 from runtime.paper.claims import OURS, claims
 from runtime.paper.published import published_lines, published_rows, unscented_rows
+from runtime.paper.report import report_lines
 from runtime.paper.study import OUTDOOR, PRINTED, Cell, Study, comparison_rows, run_study, spread_rows
 
 
@@ -69,6 +70,7 @@ def reproduce(
         "pictures": [str(path) for path in written],
     }
     tables.write_json(folder / "paper.json", result)
+    tables.write_text(folder / "results.md", report_lines(result))
     return result
 
 
@@ -82,5 +84,5 @@ def study_lines(result: dict[str, Any]) -> list[str]:
         f"{result['seeds']} seeds, {result['particles']} particles. The outdoor drive is simulated: the original "
         "recording is not public.",
         "Ours, because the paper does not give them: " + "; ".join(result["not_given_in_the_paper"]) + ".",
-        f"Pictures, CSV and paper.json: {result['out']}",
+        f"Pictures, CSV, results.md and paper.json: {result['out']}",
     ]

@@ -32,6 +32,14 @@ def write_json(path: Path, content: Any) -> None:
         raise StorageError(f"{path}: cannot be written ({error.strerror}); choose another --out") from error
 
 
+def write_text(path: Path, lines: Sequence[str]) -> None:
+    """One text file. Raises StorageError."""
+    try:
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise StorageError(f"{path}: cannot be written ({error.strerror}); choose another --out") from error
+
+
 def path_rows(outcomes: Outcomes) -> list[Row]:
     """Positions of the first seed: one row for each path and step."""
     return [

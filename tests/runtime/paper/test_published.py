@@ -4,6 +4,7 @@ from runtime.paper.arms import NORMAL, PROPOSED, RANGE_GATED
 from runtime.paper.blind_step import blind_step
 from runtime.paper.feature_drive import feature_drive
 from runtime.paper.published import published_lines, published_rows, unscented_rows
+from runtime.paper.report import report_lines
 from runtime.paper.study import Cell, comparison_rows, spread_rows
 
 
@@ -69,3 +70,17 @@ def test_unscented_against_ekf_is_judged_by_the_whole_paired_interval(
     }
     rows = unscented_rows(comparison_rows(outcomes))
     assert [(row["quantity"], row["verdict"]) for row in rows] == [("particles_largest_m", verdict)]
+
+
+def test_the_page_has_every_figure_with_its_interval_and_the_ablation() -> None:
+    outcomes = {
+        Cell("P", PROPOSED, 30): [result(published_largest_m=value) for value in (0.8, 0.9, 0.7)],
+        Cell("V2", PROPOSED): [result(landmarks=value) for value in (180, 170)],
+        Cell("V2", "without density"): [result(landmarks=value) for value in (190, 190)],
+    }
+    spreads, comparisons = spread_rows(outcomes), comparison_rows(outcomes)
+    study = {"parts": ["published"], "seeds": 3, "particles": 10, "claims": [], "not_given_in_the_paper": ["K"]}
+    rows = {"published": published_rows(spreads, comparisons), "unscented": [], "comparisons": comparisons}
+    page = "\n".join(report_lines(study | rows))
+    assert "| published pose, largest error, m | start pose | P | 30 | 3 | mean | 0.8 [0.7, 0.9] | 1 | 0.6 |" in page
+    assert "| without density | 2 |  |  | +15.00 [+10.00, +20.00] |" in page

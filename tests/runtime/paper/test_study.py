@@ -7,6 +7,7 @@ from runtime.paper.arms import ablation_arms, arm_settings
 from runtime.paper.claims import claims, verdict_of_ratio
 from runtime.paper.feature_drive import feature_drive, feature_settings
 from runtime.paper.jobs import Job, run_jobs
+from runtime.paper.publish_study import reproduce
 from runtime.paper.spread import compare, spread
 from runtime.paper.study import Cell, Study, comparison_rows, run_study
 
@@ -85,3 +86,13 @@ def test_few_seeds_decide_nothing(tmp_path: Path) -> None:
     found = claims(outcomes, comparison_rows(outcomes))
     assert found
     assert {claim.verdict for claim in found} == {"undecided"}
+
+
+def test_a_study_leaves_pictures_tables_and_a_page_with_every_claim_behind(tmp_path: Path) -> None:
+    result = reproduce(Study(("table1",), seeds=1, particles=2, steps=30), tmp_path, None, ignore)
+    assert all(Path(picture).stat().st_size > 5000 for picture in result["pictures"])
+    assert (tmp_path / "table1.csv").read_text().startswith("paper,world,arm,particles")
+    page = (tmp_path / "results.md").read_text()
+    assert all(claim["here"] in page for claim in result["claims"])
+    assert "| undecided |" in page
+    assert "- alpha, beta, kappa of the unscented transform" in page
