@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slam.joint_window import ORPHAN, settle
+from slam.joint_window import ORPHAN, ancestors_first, settle
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -93,6 +93,10 @@ class Atlas:
             for j in range(low_y, high_y + 1):
                 found += self._cells.get((i, j), ())
         return found
+
+    def with_ancestors(self, rows: list[int]) -> list[int]:
+        """Rows outside the state with all outside it that they hang on, every landmark after its parents."""
+        return ancestors_first(np.array(rows, dtype=np.int64), self.place == AWAY, self.parents).tolist()
 
     def settled_means(self, state_rows: IntArray, state_means_m: FloatArray) -> FloatArray:
         """(R, 2) means of all rows as they follow from those in the state now; nothing is changed."""

@@ -21,6 +21,7 @@ FIRST_ROOM = 64
 LOOK_EVERY_M = 2.0  # the rover moves this far before landmarks come back again
 KEEP_M = 10.0  # beyond what can be in view: what just came back does not leave at once
 LEAVING_PER_SCAN = 8
+MOST_RETURNING = 256  # at a loop closed through more landmarks than this, a step would take longer than a beat
 
 
 class JointState:
@@ -110,23 +111,43 @@ class JointState:
         atlas.put_away(row)
 
     def bring_back(self) -> None:
-        """Landmarks that may soon be in view return to the state, with all that they hang on."""
+        """Landmarks that may soon be in view return to the state, with what they hang on as far as there is room."""
         x, y = float(self.mean[0]), float(self.mean[1])
         if self._looked_at is not None and math.dist((x, y), self._looked_at) < LOOK_EVERY_M:
             return
         self._looked_at = (x, y)
         radius = self._reach_m + LOOK_EVERY_M + 0.5 * KEEP_M
-        for row in self.atlas.away_near(x, y, radius):
-            gap = self.atlas.means[row] - self.mean[:2]
-            if self.atlas.place[row] == AWAY and gap @ gap <= radius * radius:
-                self._bring_one_back(row)
+        near = [row for row in self.atlas.away_near(x, y, radius) if self._gap_square(row) <= radius * radius]
+        returning = self.atlas.with_ancestors(near)
+        if len(returning) > MOST_RETURNING:
+            nearest = set(sorted(returning, key=self._gap_square)[:MOST_RETURNING])
+            self._let_stand_alone([row for row in returning if row in nearest], nearest)
+            returning = [row for row in returning if row in nearest]
+        for row in returning:
+            self._bring_one_back(row)
+
+    def _gap_square(self, row: int) -> float:
+        """Squared distance, m^2, from the rover to where a landmark was when it left the state."""
+        gap = self.atlas.means[row] - self.mean[:2]
+        return float(gap @ gap)
+
+    def _let_stand_alone(self, rows: list[int], returning: set[int]) -> None:
+        """Landmarks whose parents do not all return hang on nothing from here on.
+
+        What they had in common with the state is lost with their parents; twice their covariance is the bound that
+        holds for any correlation (covariance intersection with equal weights).
+        """
+        means = self.settled_means()
+        for row in rows:
+            parents = self.atlas.parents[row]
+            if any(self.atlas.place[parent] == AWAY and parent not in returning for parent in parents[parents >= 0]):
+                self.atlas.means[row] = means[row]
+                self.atlas.covariances[row] *= 2.0
+                self.atlas.parents[row] = ORPHAN
 
     def _bring_one_back(self, row: int) -> None:
         atlas = self.atlas
         parents = atlas.parents[row][atlas.parents[row] >= 0]
-        for parent in parents.tolist():
-            if atlas.place[parent] == AWAY:
-                self._bring_one_back(parent)
         self._make_room()
         n, count = self.size, len(parents)
         others = atlas.place[parents]

@@ -126,6 +126,33 @@ def nearest_places(mean: FloatArray, n: int, at: int, count: int) -> IntArray:
 
 
 @kernel
+def ancestors_first(rows: IntArray, away: BoolArray, parents: IntArray) -> IntArray:
+    """Rows (r,) with all that they hang on outside the state, each once, every landmark after its parents (R, 4)."""
+    stack, ordered = np.empty(away.size + 1, dtype=np.int64), np.empty(away.size, dtype=np.int64)
+    waits = away.copy()
+    found = 0
+    for start in rows:
+        depth = 1
+        stack[0] = start
+        while depth > 0:
+            row = stack[depth - 1]
+            above = -1
+            for parent in parents[row]:
+                if waits[row] and above < 0 and parent >= 0 and waits[parent]:
+                    above = parent
+            if above >= 0:
+                stack[depth] = above
+                depth += 1
+                continue
+            depth -= 1
+            if waits[row]:
+                waits[row] = False
+                ordered[found] = row
+                found += 1
+    return ordered[:found]
+
+
+@kernel
 def settle(
     rows: IntArray,
     known: BoolArray,

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from slam.joint_kernels import append, forget
 from slam.joint_measurement import FIRST_PLACE
 from slam.joint_settings import JointSettings
-from slam.joint_state import JointState
+from slam.joint_state import MOST_RETURNING, JointState
 from slam.joint_window import least_needed, regress, restore
 from slam.pose import FloatArray
 
@@ -78,12 +78,12 @@ def test_a_new_landmark_is_correlated_with_the_pose_as_a_sampled_one_is() -> Non
     assert np.allclose(covariance[np.ix_(entries, entries)], sampled, atol=3e-4)
 
 
-def row_of_posts() -> JointState:
-    """A state along a road: the pose has come 400 m, landmarks every 5 m; where it all began is known to 100 m only."""
+def row_of_posts(posts: int = 80) -> JointState:
+    """A state along a road with a landmark every 5 m, driven to its end; where it began is known to 100 m only."""
     state = JointState(JointSettings(landmarks_in_state=12), reach_m=20.0, cell_m=15.0)
     state.covariance[0, 0] = state.covariance[1, 1] = 1e4
     mount = np.zeros(3)
-    for index in range(80):
+    for index in range(posts):
         state.bring_back()
         state.create(index, 6.0, mount, np.array((3.0, 1.0, 0.01, 0.0, 0.0003, 1.0)))
         for _ in range(3):
@@ -125,6 +125,23 @@ def test_landmarks_come_back_when_the_rover_returns() -> None:
     size = state.size
     assert np.linalg.eigvalsh(state.covariance[:size, :size]).min() > -1e-9
     assert np.array_equal(state.covariance[:size, :size], state.covariance[:size, :size].T)
+
+
+def test_a_loop_closed_through_a_long_chain_brings_back_what_is_near_and_no_more_than_fits() -> None:
+    state = row_of_posts(500)
+    before, believed = state.settled_means(), state.atlas.covariances.copy()
+    state.mean[:3] = 0.0
+    state.bring_back()
+    assert all(state.atlas.place[index] >= 0 for index in range(4))
+    assert state.count <= MOST_RETURNING + 16
+    size = state.size
+    assert np.linalg.eigvalsh(state.covariance[:size, :size]).min() > -1e-9
+    assert np.allclose(state.settled_means(), before, atol=1e-9)
+    alone = [row for row in state.rows if (state.atlas.parents[row] < 0).all() and 5.0 * row > 500.0 and row < 480]
+    assert alone  # the last of those that returned hang on nothing, and are believed half as much for it
+    for row in alone:
+        at = int(state.atlas.place[row])
+        assert np.allclose(state.covariance[at : at + 2, at : at + 2], 2.0 * believed[row])
 
 
 def test_what_hung_on_a_removed_landmark_stands_alone() -> None:
