@@ -142,3 +142,9 @@ def _ellipse_columns(rows: list[Any]) -> Any:
     if rows[0][3] is not None:
         fields["colors"] = np.concatenate([row[3] for row in rows])
     return rr.Ellipsoids3D.columns(**fields).partition(lengths)
+
+
+def mixed(low: tuple[int, int, int], high: tuple[int, int, int], share: FloatArray) -> NDArray[np.uint8]:
+    """Colours (N, 3) between two, by shares (N,) in 0 to 1."""
+    colors = np.outer(1.0 - share, low) + np.outer(share, high)
+    return colors.round().astype(np.uint8)

@@ -21,6 +21,9 @@ ELAPSED, TICK = "elapsed", "tick"
 SEGMENT = "/segment"
 """Not in the record: the recorder says that a segment has been closed, whose number is the data as decimal digits."""
 
+CARRIED = "/carried"
+"""Not in the record: what one drawing process knew, for the one that goes on in its place."""
+
 TOPICS = frozenset(("/scan", "/tick", "/estimate", "/timing", "/truth", "/gap", "/raw/laser", SEGMENT))
 """What the review is made from; other topics need not be sent to it."""
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO
 
 from runtime.messages import Record
-from runtime.review_moments import TOPICS
+from runtime.review_moments import CARRIED, SEGMENT, TOPICS
 from runtime.review_settings import ReviewSettings
 from runtime.tick import SinkHealth, Tick, Timing
 from slam.estimate import Estimate
@@ -28,7 +28,9 @@ from slam.pose import Pose2
 FRAME = struct.Struct("<HqI")  # bytes of the topic, stamp ns, bytes of the data
 WRITE_S = 2.0
 DRAW_S = 5.0
+RENEW_S = 20.0
 NICENESS = 10
+RENEW_MB = 400.0  # the library holds on to 3.7 MB for each minute that it draws; a new child begins with 230
 
 
 class ReviewProcess:
@@ -51,13 +53,9 @@ class ReviewProcess:
         self._dropped = 0
         self._trouble = ""
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the child
-        self._child = subprocess.Popen(
-            [sys.executable, "-m", "runtime.review_process", str(path), what],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=self._errors,
-            env={**os.environ, "RUST_LOG": "error", "RERUN_ANALYTICS": "off"},
-        )
+        self._renewing = False
+        self._command = [sys.executable, "-m", "runtime.review_process", str(path), what]
+        self._child = self._begin()
         self._thread = threading.Thread(target=self._send, name="review", daemon=True)
         self._thread.start()
 
@@ -92,7 +90,7 @@ class ReviewProcess:
     def close(self) -> None:
         """Let the child finish its file; at most 7 s, after which it is ended and the file lacks its last second."""
         self._queue.put(None)
-        self._thread.join(WRITE_S)
+        self._thread.join(WRITE_S + (RENEW_S if self._renewing else 0.0))
         try:
             if self._child.wait(DRAW_S) and not self._trouble:
                 self._trouble = f"review.rrd is not whole ({self._last_words()}); infant review makes it again"
@@ -102,17 +100,47 @@ class ReviewProcess:
             self._child.wait()
             self._thread.join(WRITE_S)
         self._errors.close()
+        if self._child.stdout is not None:
+            self._child.stdout.close()
+
+    def _begin(self) -> "subprocess.Popen[bytes]":
+        return subprocess.Popen(
+            self._command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            env={**os.environ, "RUST_LOG": "error", "RERUN_ANALYTICS": "off"},
+        )
+
+    def _renew(self) -> None:
+        """Let the child end after a segment, and another go on with what it knew. Raises OSError when it cannot."""
+        self._renewing = True
+        assert self._child.stdin is not None
+        write_frame(self._child.stdin, Record(CARRIED, 0, b""))
+        try:
+            carried = self._child.communicate(timeout=RENEW_S)[0]  # closes its input, which ends it
+        except subprocess.TimeoutExpired as error:
+            self._child.kill()
+            raise ChildProcessError(0, "it did not end") from error
+        if self._child.returncode:
+            raise ChildProcessError(self._child.returncode, "it ended with an error")
+        self._child = self._begin()
+        assert self._child.stdin is not None
+        write_frame(self._child.stdin, Record(CARRIED, 0, carried))
+        self._renewing = False
 
     def _send(self) -> None:
         """Write frames until close() or until the child is gone."""
-        pipe = self._child.stdin
-        assert pipe is not None
         try:
             while (record := self._queue.get()) is not None:
-                write_frame(pipe, record)
+                assert self._child.stdin is not None
+                write_frame(self._child.stdin, record)
                 if self._queue.empty():
-                    pipe.flush()
-            pipe.close()
+                    self._child.stdin.flush()
+                if record.topic == SEGMENT and resident_mb(self._child.pid) > RENEW_MB:
+                    self._renew()
+            assert self._child.stdin is not None
+            self._child.stdin.close()
         except OSError:
             why = f"the drawing process has ended ({self._last_words()}); infant review makes the picture"
             self._trouble = self._trouble or why  # close() knows better when it has ended the child itself
@@ -131,6 +159,15 @@ class ReviewProcess:
         self._errors.seek(max(0, os.fstat(self._errors.fileno()).st_size - 2000))
         lines = self._errors.read().decode(errors="replace").strip().splitlines()
         return lines[-1] if lines else f"exit code {code}"
+
+
+def resident_mb(pid: int) -> float:
+    """Memory that a process holds; 0 when it has ended."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    except (OSError, IndexError):
+        return 0.0
+    return pages * os.sysconf("SC_PAGE_SIZE") * 1e-6
 
 
 def write_frame(pipe: IO[bytes], record: Record) -> None:
@@ -155,9 +192,16 @@ def draw_from(stream: IO[bytes], path: Path, what: str) -> None:
 
     given = json.loads(what)
     writer = ReviewWriter(path, ReviewSettings(**given["settings"]), Pose2(*given["mount"]), given["facts"])
+    is_renewed = False
     for record in read_frames(stream):
-        writer.feed(record)
+        if record.topic == CARRIED and not record.data:
+            is_renewed = True
+        else:
+            writer.feed(record)
     writer.close()
+    if is_renewed:
+        sys.stdout.buffer.write(writer.carried())
+        sys.stdout.buffer.flush()
 
 
 if __name__ == "__main__":

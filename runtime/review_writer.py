@@ -1,6 +1,7 @@
 """Draws a run into review.rrd: a pure function of the records, so that it can be made again from run.mcap."""
 
 import os
+import pickle
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from drivers.measurements import Scan
 from runtime.errors import StorageError
 from runtime.messages import Record
 from runtime.review_clock import LaserClock
-from runtime.review_columns import ReviewColumns
+from runtime.review_columns import ReviewColumns, mixed
 from runtime.review_curves import draw_curves
 from runtime.review_innovation import draw_innovation, innovations, predicted_motion
 from runtime.review_layout import (
@@ -26,7 +27,7 @@ from runtime.review_layout import (
     draw_static,
     layout,
 )
-from runtime.review_moments import SEGMENT, Moment, MomentAssembler, Motion, beam_points
+from runtime.review_moments import CARRIED, SEGMENT, Moment, MomentAssembler, Motion, beam_points
 from runtime.review_settings import ReviewSettings
 from runtime.review_truth import TruthTrack
 from runtime.run_folder import RunFolder
@@ -44,6 +45,7 @@ LASER_PATHS = {
 TRACE_STEP = 3  # every third point of a scan: a wall stays a wall
 FLUSH_S = 30.0
 QUALITY_LEVELS = {Quality.TRACKING: "INFO", Quality.UNCERTAIN: "WARN", Quality.LOST: "ERROR"}
+STATE = ("_start_ns", "_extent", "_with_truth", "_ends", "_clock", "_before", "_landmarks", "_drawn", "_last_drawn")
 PATHS = ("SLAM", "odometry", "truth")
 
 
@@ -86,14 +88,13 @@ class ReviewWriter:
         """One record of the run; topics that are not drawn are passed over, SEGMENT begins another file."""
         if record.topic == SEGMENT:
             self._rotate(int(record.data))
-            return
-        if record.topic == "/raw/laser":
+        elif record.topic == CARRIED:
+            self.__dict__ |= pickle.loads(record.data)
+        elif record.topic == "/raw/laser":
             offset_ms = self._clock.feed(record)
             if offset_ms is not None and self._start_ns is not None:
                 self._columns.scalar("plots/clock/laser_ms", offset_ms)
-            return
-        moment = self._moments.feed(record)
-        if moment is not None:
+        elif (moment := self._moments.feed(record)) is not None:
             self._draw(moment)
 
     def close(self) -> None:
@@ -102,6 +103,10 @@ class ReviewWriter:
         if moment is not None:
             self._draw(moment)
         self._end()
+
+    def carried(self) -> bytes:
+        """What another writer has to know to go on after a segment as this one would; it is fed as CARRIED."""
+        return pickle.dumps({name: getattr(self, name) for name in STATE})
 
     def _begin(self) -> rr.RecordingStream:
         """A new file; all files of a run have one identity, by which a viewer puts them together."""
@@ -131,6 +136,9 @@ class ReviewWriter:
 
     def _rotate(self, number: int) -> None:
         """Close the file under the number of its segment and go on in a new one."""
+        moment = self._moments.last()
+        if moment is not None:
+            self._draw(moment)
         self._end()
         try:
             os.replace(self._path, self._path.with_name(RunFolder.closed_review_name(number)))
@@ -288,9 +296,3 @@ class ReviewWriter:
                 self._columns.strips(f"map/path/{name}", [piece_m])
             points.clear()
         self._columns.flush()
-
-
-def mixed(low: tuple[int, int, int], high: tuple[int, int, int], share: FloatArray) -> NDArray[np.uint8]:
-    """Colours (N, 3) between two, by shares (N,) in 0 to 1."""
-    colors = np.outer(1.0 - share, low) + np.outer(share, high)
-    return colors.round().astype(np.uint8)

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from drivers.measurements import Scan
 from runtime.errors import StorageError
 from runtime.messages import Gap, Record, encode_gap, encode_tick
-from runtime.review_columns import ellipse_axes
+from runtime.review_columns import ellipse_axes, mixed
 from runtime.review_layout import Extent
 from runtime.review_moments import MomentAssembler, Motion, beam_points
 from runtime.review_settings import ReviewSettings
-from runtime.review_writer import ReviewWriter, mixed
+from runtime.review_writer import ReviewWriter
 from slam.estimate import Estimate
 from slam.pose import Pose2
 from tests.runtime.drawn_drive import MOUNT, YARD_M, drive

@@ -44,6 +44,7 @@ def test_a_run_is_drawn_in_another_process_as_it_would_be_here(tmp_path: Path) -
     for record in records:
         process.feed(record)
         writer.feed(record)
+    assert until(lambda: (tmp_path / "there" / "review.rrd").exists(), 60.0), "a busy machine takes its time"
     process.close()
     writer.close()
     here, there = ((tmp_path / where / "review.rrd").stat().st_size for where in ("here", "there"))

@@ -14,7 +14,7 @@ from runtime.record import Recorder
 from runtime.record_room import make_room
 from runtime.review import build_review
 from runtime.review_moments import SEGMENT
-from runtime.review_process import ReviewProcess
+from runtime.review_process import RENEW_MB, ReviewProcess
 from runtime.review_settings import ReviewSettings
 from runtime.review_writer import ReviewWriter
 from runtime.run_folder import RunFolder
@@ -70,7 +70,10 @@ def test_every_part_can_be_looked_at_alone(tmp_path: Path) -> None:
         assert b"blueprint" in path.read_bytes()
 
 
-def test_the_recorder_says_when_a_segment_is_closed_and_the_review_follows(tmp_path: Path) -> None:
+def test_the_recorder_says_when_a_segment_is_closed_and_the_review_follows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("runtime.review_process.DRAW_S", 60.0)  # on a busy machine the child is behind
     folder = RunFolder.create(tmp_path / "run", tmp_path)
     review = ReviewProcess(folder.review_path, ReviewSettings(), MOUNT)
     recorder = Recorder(folder, "", {}, review.feed, settings=RecordSettings(segment_s=0.5))
@@ -80,7 +83,7 @@ def test_the_recorder_says_when_a_segment_is_closed_and_the_review_follows(tmp_p
         put(recorder, next(count))
         return len(folder.review_paths()) > 3
 
-    assert until(has_parts)
+    assert until(has_parts, 60.0)
     recorder.close()
     review.close()
     assert review.health().trouble == ""
@@ -88,6 +91,31 @@ def test_the_recorder_says_when_a_segment_is_closed_and_the_review_follows(tmp_p
     drawn = [path.name.replace("review", "run").replace(".rrd", ".mcap") for path in folder.review_paths()[:-1]]
     assert drawn == closed[: len(drawn)]
     assert len(closed) - len(drawn) <= 1
+
+
+def test_a_child_that_has_grown_is_followed_by_another_and_nothing_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("runtime.review_process.RENEW_MB", 1.0)
+    monkeypatch.setattr("runtime.review_process.DRAW_S", 60.0)
+    (tmp_path / "renewed").mkdir()
+    process = ReviewProcess(tmp_path / "renewed" / "review.rrd", ReviewSettings(), MOUNT)
+    pids = {process.pid}
+    for record in rotated(drive(TICKS), CLOSED_AFTER):
+        process.feed(record)
+        if record.topic == SEGMENT:
+            assert until(lambda: process.pid not in pids, 60.0)
+            pids.add(process.pid)
+    drawn = tmp_path / "renewed" / "review.rrd"
+    assert until(lambda: process.health().depth == 0 and drawn.exists(), 60.0)
+    process.close()
+    assert (process.health().dropped, process.health().trouble, len(pids)) == (0, "", 3)
+    whole = Drawn(drawn_in(tmp_path / "whole", rotated(drive(TICKS), ())).review_path)
+    pieces = [Drawn(path) for path in RunFolder(tmp_path / "renewed").review_paths()]
+    for entity in ("/map/rover", "/map/laser/kept", "/map/laser/trace", "/plots/error/SLAM_m"):
+        assert list(itertools.chain(*(piece.elapsed_s[entity] for piece in pieces))) == whole.elapsed_s[entity]
+    points = [each for piece in pieces for each in piece.values[("/map/laser/kept", "positions")]]
+    assert points == whole.values[("/map/laser/kept", "positions")]
 
 
 def test_made_again_it_is_one_file_and_the_parts_are_gone(tmp_path: Path) -> None:
@@ -138,4 +166,4 @@ def test_memory_stays_flat_over_twenty_minutes_of_drawing(tmp_path: Path) -> Non
         resident_mb.append(next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS")) / 1e3)
     process.close()
     assert process.health().dropped == 0
-    assert max(resident_mb[10:]) - max(resident_mb[2:10]) < 5.0, resident_mb
+    assert max(resident_mb) < RENEW_MB + 20.0, resident_mb
