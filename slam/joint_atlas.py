@@ -96,7 +96,8 @@ class Atlas:
 
     def with_ancestors(self, rows: list[int]) -> list[int]:
         """Rows outside the state with all outside it that they hang on, every landmark after its parents."""
-        return ancestors_first(np.array(rows, dtype=np.int64), self.place == AWAY, self.parents).tolist()
+        order: list[int] = ancestors_first(np.array(rows, dtype=np.int64), self.place == AWAY, self.parents).tolist()
+        return order
 
     def settled_means(self, state_rows: IntArray, state_means_m: FloatArray) -> FloatArray:
         """(R, 2) means of all rows as they follow from those in the state now; nothing is changed."""
