@@ -34,12 +34,12 @@ class QualitySettings(BaseModel):
         default=30, ge=1, le=100_000, description="scans after which a landmark speaks for or against the pose"
     )
     lost_score: float = Field(
-        default=20.0, gt=0, le=1e6,
+        default=30.0, gt=0, le=1e6,
         description="settled landmarks missed in plain sight, less those found, added up over scans, never below 0; "
         "uncertain from half of it on",
     )  # fmt: skip
     found_share: float = Field(
-        default=0.08, ge=0, le=1,
+        default=0.03, ge=0, le=1,
         description="of the settled landmarks in range, over some scans; where less is found, chance finds it",
     )  # fmt: skip
     uncertain_blind_s: float = Field(

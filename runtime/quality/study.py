@@ -144,7 +144,7 @@ def alarms(results: Sequence[Result], settings: QualitySettings) -> tuple[int, i
         for row, quality in zip(trace, judged_again(trace, settings), strict=True):
             if result["kind"] and row[0] >= result["at_s"]:
                 break
-            wrong = row[8] > TRULY_LOST_M or abs(row[9]) > TRULY_LOST_RAD
+            wrong = bool(row[8] > TRULY_LOST_M or abs(row[9]) > TRULY_LOST_RAD)
             if quality is Quality.LOST and before is not Quality.LOST:
                 false, true = false + (not wrong), true + wrong
             before = quality

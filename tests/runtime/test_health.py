@@ -44,3 +44,18 @@ def test_a_sink_that_drops_degrades_only_while_it_drops() -> None:
 def test_a_lost_pose_outranks_a_degraded_sensor() -> None:
     stale = SensorHealth(SensorState.STALE, "silent", 0.0)
     assert HealthMonitor().assess(1, {"laser": stale}, QUIET, Quality.LOST)[0].state is RunState.LOST
+
+
+def test_a_doubted_pose_is_a_reason_and_each_change_of_it_an_event() -> None:
+    monitor = HealthMonitor()
+    doubts = [
+        (Quality.TRACKING, ""),
+        (Quality.UNCERTAIN, "nothing of the map is seen: for 0.9 s"),
+        (Quality.UNCERTAIN, "nothing of the map is seen: for 1.0 s"),
+        (Quality.LOST, "nothing of the map is seen: for 2.1 s"),
+        (Quality.TRACKING, ""),
+    ]
+    told = [monitor.assess(k, {"laser": FRESH}, QUIET, quality, doubt) for k, (quality, doubt) in enumerate(doubts)]
+    assert [health.state for health, _ in told] == ["running", "degraded", "degraded", "lost", "running"]
+    assert [len(events) for _, events in told] == [1, 1, 0, 1, 1]
+    assert told[3][1][0].reason == "lost: pose lost, nothing of the map is seen: for 2.1 s"

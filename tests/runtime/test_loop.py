@@ -18,6 +18,7 @@ from drivers.measurements import (
 )
 from runtime.health import Health, HealthMonitor
 from runtime.loop import Loop
+from runtime.stage_clock import StageClock
 from runtime.tick import SinkHealth, Tick, Timing
 from slam.estimate import Estimate, Quality
 from slam.pose import Pose2
@@ -189,3 +190,45 @@ def test_a_defect_in_the_estimator_is_contained_and_recorded() -> None:
     defects = [event for tick in sink.ticks for event in tick.events if event.kind == "defect"]
     assert len(defects) == 1
     assert "covariance is not positive" in defects[0].reason
+
+
+def test_an_overrun_names_the_stage_that_caused_it_and_stages_are_timed() -> None:
+    sink, loop, _ = run_loop(lambda step: 350_000_000 if step == 2 else 1_000_000, 10 * PERIOD_NS)
+    late = next(tick for tick in sink.ticks if tick.seq == 6)
+    reasons = [event.reason for event in late.events if event.kind == "missed"]
+    assert reasons == ["3 beat(s) before tick 6 overslept: estimate took 350 ms"]
+    assert sink.timings[0].stages_ns["step"] == 1_000_000
+    assert {"read", "estimate", "hand to collector", "health", "status"} <= set(sink.timings[1].stages_ns)
+    assert loop.timekeeping.stages["step"].spread() == {"p50": 1.01, "p99": 350.0, "max": 350.0}
+
+
+def test_the_estimators_own_stages_stand_in_the_timing() -> None:
+    clock, sensors, sink = ObedientClock(), StillSensors(), Collector()
+    stages = StageClock(clock)
+
+    class Marking(ThinkingEstimator):
+        def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
+            self.clock.time_ns += 2_000_000
+            stages.mark("front end")
+            return super().step(stamp_ns, scan, wheels)
+
+    Loop(
+        clock, sensors, sensors, Marking(clock, lambda _s: 3_000_000), {"c": sink}, HealthMonitor(), PERIOD_NS,
+        lambda _stamp_ns: None, lambda *_: None, stages=stages,
+    ).run(0, threading.Event(), PERIOD_NS)
+    taken = sink.timings[0].stages_ns
+    assert (taken["front end"], taken["estimate"], taken["step"]) == (2_000_000, 3_000_000, 5_000_000)
+
+
+def test_a_sink_that_raises_loses_its_tick_and_not_the_run() -> None:
+    class Broken(Collector):
+        def put(self, tick: Tick, estimate: Estimate, timing: Timing, state_hash: bytes, truth: Pose2 | None) -> None:
+            raise RuntimeError("no room")
+
+    clock, sensors, sink = ObedientClock(), StillSensors(), Collector()
+    Loop(
+        clock, sensors, sensors, ThinkingEstimator(clock, lambda _s: 0), {"broken": Broken(), "c": sink},
+        HealthMonitor(), PERIOD_NS, lambda _stamp_ns: None, lambda *_: None,
+    ).run(0, threading.Event(), 3 * PERIOD_NS)
+    assert len(sink.ticks) == 3
+    assert any(event.source == "broken" and "no room" in event.reason for event in sink.ticks[1].events)

@@ -17,11 +17,12 @@ NARROW = np.diag((1e-4, 1e-4, 1e-6))
 GOOD = Evidence(known=20, found=12, missed=0, square=2.0)
 GONE = Evidence(known=20, found=0, missed=10, square=0.0)
 TICK_NS = 100_000_000
+SETTINGS = QualitySettings(lost_score=20.0, found_share=0.08)
 
 
 def after(*scans: Evidence, settings: QualitySettings | None = None) -> tuple[QualityMonitor, int]:
     """A monitor after these scans, and the time of the last one."""
-    monitor, now_ns = QualityMonitor(settings or QualitySettings()), 0
+    monitor, now_ns = QualityMonitor(settings or SETTINGS), 0
     for evidence in scans:
         now_ns += TICK_NS
         monitor.weigh(now_ns, evidence)
