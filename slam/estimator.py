@@ -76,7 +76,7 @@ class Estimator:
         sight = sight_line(scan)
         outcome = self._particles.step(increment, features, sight)
         self._mark("particles")
-        standing = Standing(self._quality.settled_before, self._quality.is_lost(scan.stamp_ns))
+        standing = Standing(self._quality.settled_before, self._quality.map_is_kept)
         self._joint.step(increment.mean, increment.covariance, features, outcome.matches, sight, standing)
         self._quality.weigh(scan.stamp_ns, self._joint.evidence)
         self._mark("joint")

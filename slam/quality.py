@@ -46,6 +46,10 @@ class QualitySettings(BaseModel):
         default=0.8, gt=0, le=1000, description="s without a scan that supports the pose"
     )
     lost_blind_s: float = Field(default=2.0, gt=0, le=1000, description="s; the same")
+    lost_blind_scans: int = Field(
+        default=20, ge=1, le=100_000,
+        description="scans in a row that do not support the pose; then the map is left as it is",
+    )  # fmt: skip
     uncertain_m: float = Field(
         default=1.0, gt=0, le=100, description="m; standard deviation of the position, larger axis"
     )
@@ -85,6 +89,7 @@ class QualityMonitor:
         self._known = self._found = 0.0
         self._scans = 0
         self._trusted_scans = 0
+        self._blind_scans = 0
         self._supported_ns: int | None = None
         self._evidence = Evidence()
 
@@ -110,9 +115,13 @@ class QualityMonitor:
             "doubt_score": self._score,
         }
 
-    def is_lost(self, stamp_ns: int) -> bool:
-        """Whether the map must be left as it is: what is seen now does not belong to it."""
-        return self._lost or self._blind_s(stamp_ns) > self._settings.lost_blind_s
+    @property
+    def map_is_kept(self) -> bool:
+        """Whether the map must be left as it is: what is seen now does not belong to it.
+
+        Scans are counted, not seconds: a recording with scans three seconds apart is slow and not lost.
+        """
+        return self._lost or self._blind_scans >= self._settings.lost_blind_scans
 
     def weigh(self, stamp_ns: int, evidence: Evidence) -> None:
         """One scan."""
@@ -133,8 +142,11 @@ class QualityMonitor:
             self._found += QUICKLY * (evidence.found - self._found)
         if evidence.known == 0 or self._found >= settings.found_share * self._known:
             self._supported_ns = stamp_ns
+            self._blind_scans = 0
             if self._score == 0.0:
                 self._trusted_scans = self._scans
+        else:
+            self._blind_scans += 1
 
     def judge(self, stamp_ns: int, covariance: FloatArray, gap_m: float) -> Judgement:
         """At stamp_ns, with the covariance (3, 3) and the distance between particles and joint Gaussian."""
@@ -181,7 +193,7 @@ class QualityMonitor:
         """What the next judgement depends on, for a hash."""
         supported = -1 if self._supported_ns is None else self._supported_ns
         sums = (self._score, self._square, self._known, self._found)
-        return struct.pack("<dddd?qqq", *sums, self._lost, self._scans, self._trusted_scans, supported)
+        return struct.pack("<dddd?qqqq", *sums, self._lost, self._scans, self._trusted_scans, self._blind_scans, supported)
 
     def _blind_s(self, stamp_ns: int) -> float:
         return 0.0 if self._supported_ns is None else (stamp_ns - self._supported_ns) * 1e-9

@@ -52,6 +52,11 @@ class ScanColumns:
     moved_share: FloatArray
     near_moved_share: FloatArray
 
+    @property
+    def are_sweeps(self) -> bool:
+        """False where the sensor tells of landmarks only when it sees some: then its silence is no silence."""
+        return bool(np.isfinite(self.returned_share).any()) or not self.times_s.size
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WheelColumns:
@@ -72,7 +77,10 @@ class DeviceClock:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunFacts:
-    """All that findings and the page may look at. origin_ns: stamp of the first tick."""
+    """All that findings and the page may look at. origin_ns: stamp of the first tick.
+
+    imported: recorded by software of others, whose rates and gaps are the recording's own.
+    """
 
     name: str
     source: str
@@ -90,6 +98,7 @@ class RunFacts:
     landmarks: LandmarkMap | None
     drive: DriveData | None
     accuracy: dict[str, Any]
+    imported: bool = False
 
     @property
     def duration_s(self) -> float:

@@ -16,7 +16,8 @@ RANKS = {Severity.INFO: 0, Severity.WARN: 1, Severity.ERROR: 2}
 @dataclass(frozen=True, slots=True)
 class Finding:
     """kind: a short stable word; title: one sentence with the figures; evidence: what was measured;
-    cause: the most likely one; remedy: the configuration line or the thing to do; intervals: s since the first tick.
+    cause: the most likely one; remedy: the configuration line or the thing to do; intervals: s since the first tick;
+    follows: kind of the finding that this one is a consequence of, "" where it stands for itself.
     """
 
     kind: str
@@ -26,6 +27,7 @@ class Finding:
     cause: str
     remedy: str
     intervals: tuple[Interval, ...] = ()
+    follows: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """For report.json."""

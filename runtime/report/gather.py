@@ -3,6 +3,7 @@
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,8 @@ def gather(run: Path) -> RunFacts:
     Raises NotARunError, ConfigurationError; UsageError where there are no estimates yet.
     """
     reader, inputs = RunReader(run), RunReader(run)
-    if reader.header.is_import:
+    imported = reader.header.is_import
+    if imported:
         newest = reader.folder.newest_replay()
         if newest is None:
             raise UsageError(f"{run} was imported and has no estimates yet; make them with: infant replay {run}")
@@ -44,12 +46,16 @@ def gather(run: Path) -> RunFacts:
     for recorded in reader.ticks():
         pass_.take(recorded)
     if not pass_.rows:
+        if not pass_.ticks:
+            why = f": {reader.truncated}" if reader.truncated else ""
+            raise UsageError(f"{reader.folder.path} holds not one whole tick, so there is nothing to review{why}")
         raise UsageError(f"{reader.folder.path} holds no estimates; replay it first: infant replay {run}")
     clock = DeviceClockReader()
     for record in reader.records():
         if record.topic == "/raw/laser":
             clock.feed(record)
-    return pass_.facts(RunFolder.open(run).path.name, reader, inputs, configuration, clock)
+    facts = pass_.facts(RunFolder.open(run).path.name, reader, inputs, configuration, clock)
+    return replace(facts, imported=imported)
 
 
 class Gathering:
@@ -57,6 +63,7 @@ class Gathering:
 
     def __init__(self) -> None:
         self.rows: list[tuple[float, ...]] = []
+        self.ticks = 0
         self._counts: list[dict[str, float]] = []
         self._stages: list[dict[str, int]] = []
         self._scans: list[tuple[float, ...]] = []
@@ -71,6 +78,7 @@ class Gathering:
     def take(self, recorded: RecordedTick) -> None:
         """One tick; those without an estimate count with their inputs only."""
         tick, estimate, timing, truth = recorded.tick, recorded.estimate, recorded.timing, recorded.truth
+        self.ticks += 1
         if self._origin_ns is None:
             self._origin_ns = tick.stamp_ns
         self._events.extend(tick.events)

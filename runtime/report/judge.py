@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 from drivers.measurements import Severity
+from runtime.report.causality import ordered
 from runtime.report.facts import RunFacts
-from runtime.report.finding import RANKS, Finding, worst
+from runtime.report.finding import Finding, worst
 from runtime.report.findings.geometry import geometry_findings
 from runtime.report.findings.laser import laser_findings
 from runtime.report.findings.pose import pose_findings
@@ -19,15 +20,14 @@ VERDICTS = {
 
 
 def judge(facts: RunFacts) -> list[Finding]:
-    """The gravest first."""
-    findings = [
+    """Causes before what follows from them, the gravest first."""
+    return ordered([
         *laser_findings(facts),
         *wheel_findings(facts),
         *geometry_findings(facts),
         *running_findings(facts),
         *pose_findings(facts),
-    ]
-    return sorted(findings, key=lambda finding: -RANKS[finding.severity])
+    ])  # fmt: skip
 
 
 def verdict(findings: Sequence[Finding]) -> str:

@@ -50,7 +50,7 @@ def test_a_rover_that_lost_its_way_does_not_believe_in_the_map_that_it_found_the
     before = monitor.settled_before
     lost, _ = after(*[GOOD] * 100, *[GONE] * 10, *[Evidence()] * 300)
     assert lost.settled_before == before
-    assert lost.is_lost(410 * TICK_NS)
+    assert lost.map_is_kept
 
 
 @pytest.mark.parametrize("blind", [replace(GOOD, found=0), Evidence(known=30, found=1, missed=0, square=3.0)])

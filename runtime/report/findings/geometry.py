@@ -77,6 +77,9 @@ def _radii(result: Calibration, start: CalibrationStart) -> list[Finding]:
         side, ratio = ("left", ratios[0]) if abs(ratios[0]) >= abs(ratios[1]) else ("right", ratios[1])
         cause = f"tyre pressure, load or wear of the {side} wheel"
         title = f"{side} wheel {_ratio_text(ratio)} than configured"
+        if min(map(abs, ratios)) > 0.5 * abs(ratio):  # both sides share it: which one is worn is not known
+            title = f"left wheel {_ratio_text(apart)} against the right than configured"
+            cause = "tyre pressure, load or wear of one wheel"
         return [Finding("wheel_radius_difference", Severity.WARN, title, evidence, cause, remedy)]
     if abs(both) >= LEAST_RADIUS and abs(both) > SURE * both_sigma:
         title = f"both wheels {_ratio_text(both)} than configured: distances are wrong by as much"

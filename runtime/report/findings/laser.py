@@ -35,6 +35,10 @@ CAUSES = {  # what the driver said around a silence, most telling first
 
 def laser_findings(facts: RunFacts) -> list[Finding]:
     """All of them, for runs with a laser."""
+    if not facts.scans.are_sweeps:
+        return []  # sightings come when something is in view, with gaps and rates of their own
+    if facts.imported:
+        return _not_recorded(facts)
     return [*_silent(facts), *_damage(facts), *_restarts(facts), *_rate(facts), *_late(facts), *_drift(facts)]
 
 
@@ -65,6 +69,26 @@ def _silent(facts: RunFacts) -> list[Finding]:
             (f"no usable scan for up to {longest:.1f} s; more than {least_s:.1f} s counts", *_told(around)),
             cause,
             remedy,
+            intervals,
+        )
+    ]
+
+
+def _not_recorded(facts: RunFacts) -> list[Finding]:
+    """A recording of others may be thinned or begin late: its holes are no fault of a laser that nobody can mend."""
+    least_s = max(SILENT_S, SILENT_PERIODS * expected_period_s(facts))
+    intervals = silences(facts.scans.times_s, facts.duration_s, least_s)
+    if not intervals:
+        return []
+    longest = max(end - start for start, end in intervals)
+    return [
+        Finding(
+            "recording_without_scans",
+            Severity.INFO,
+            f"the recording holds no scan {spans_text(intervals)}",
+            (f"for up to {longest:.1f} s; its usual distance is {expected_period_s(facts):.2f} s",),
+            "the data set was thinned, or the laser was not recorded then",
+            "nothing: the pose between is a prediction from the wheels",
             intervals,
         )
     ]

@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from drivers.measurements import Severity
 from runtime.report.facts import QUALITIES, RunFacts
-from runtime.report.finding import Finding, Interval, intervals_where, spans_text
+from runtime.report.finding import Finding, Interval, intervals_where, silences, spans_text
 
 STARTING_S = 2.0  # before the first scans nothing is known, and that is no fault
+BLIND_SCANS_S = 1.0  # of silence put a pose in doubt
 UNCERTAIN_S = 1.0  # shorter doubts pass with the next landmarks
 JUMP_M = 0.5  # in one beat beyond what the wheels say; a rover at 0.5 m/s moves 0.05
 JUMP_SIGMAS = 5.0
@@ -26,9 +27,15 @@ def pose_findings(facts: RunFacts) -> list[Finding]:
 def _quality(facts: RunFacts) -> list[Finding]:
     ticks, findings = facts.ticks, []
     late = ticks.times_s > STARTING_S
+    lost = ticks.quality >= QUALITIES.index("lost")
     for word, severity, least_s in (("uncertain", Severity.WARN, UNCERTAIN_S), ("lost", Severity.ERROR, 0.0)):
         holds = (ticks.quality >= QUALITIES.index(word)) & late
-        intervals = intervals_where(ticks.times_s, holds, 0.35, least_s)
+        lost_s = ticks.times_s[lost & late] if word == "uncertain" else np.empty(0)
+        intervals = tuple(
+            (start, end)
+            for start, end in intervals_where(ticks.times_s, holds, 0.35, least_s)
+            if not ((lost_s >= start) & (lost_s <= end)).any()  # told as lost
+        )
         if not intervals:
             continue
         inside = holds & np.isfinite(ticks.position_sd_m)
@@ -53,20 +60,22 @@ def _quality(facts: RunFacts) -> list[Finding]:
 def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval, ...]) -> tuple[str, str]:
     """Cause and remedy by which bound of slam.quality was passed for most of the time."""
     quality, ticks = facts.configuration.slam.quality, facts.ticks
-    if any(start <= moment <= end for moment in _blind_times(facts) for start, end in intervals):
-        return "no scans came: see the laser", "what the laser's finding says"
+    scanless = silences(facts.scans.times_s, facts.duration_s, BLIND_SCANS_S)
+    blind = [any(a <= end and b >= start for a, b in scanless) for start, end in intervals]
+    if 2 * sum(blind) >= len(blind):
+        return "no scans came", "see why there were no scans"
     if np.median(ticks.apart_m[holds]) > quality.uncertain_gap_m:
         return (
             "the particles have left the joint Gaussian, whose pose is published and may still be right",
             "slam.particles more; see what happened when it began",
         )
+    score = ticks.counts.get("doubt_score")
+    if score is not None and np.nanmedian(score[holds]) >= 0.5 * quality.lost_score:
+        return (
+            "landmarks of the map are not where they should be: the rover was carried or slipped, or a match was wrong",
+            "set the rover down where the map is known; see what happened when it began",
+        )
     return "too few landmarks in view, or matches that contradict", "slam.particles more; landmarks along the course"
-
-
-def _blind_times(facts: RunFacts) -> list[float]:
-    """Moments a second after a scan that had no follower."""
-    times = facts.scans.times_s
-    return [float(times[i]) + 1.1 for i in np.flatnonzero(np.diff(times) > 1.0)]
 
 
 def _jumps(facts: RunFacts) -> list[Finding]:

@@ -11,12 +11,28 @@ MISSED_ERROR_SHARE = 0.05
 LATE_MS = 20.0  # a fifth of a beat; a real-time thread stays under 1
 LATE_SHARE = 0.01
 SLOW_SHARE = 0.6  # of the beat for the filter; what else runs needs the rest
+SHORT_S = 5.0  # two of them are rest, for the heading of the map; from less nothing can be told
 PATH_OF_LOOP = "loop.priority = 50, slam.particles fewer, or less other work on the host"
 
 
 def running_findings(facts: RunFacts) -> list[Finding]:
     """All of them; a replay tells of the drive it was made from."""
-    return [*_missed(facts), *_late(facts), *_slow(facts), *_storage(facts), *_defects(facts)]
+    return [*_short(facts), *_missed(facts), *_late(facts), *_slow(facts), *_storage(facts), *_defects(facts)]
+
+
+def _short(facts: RunFacts) -> list[Finding]:
+    if facts.duration_s >= SHORT_S:
+        return []
+    return [
+        Finding(
+            "short_run",
+            Severity.WARN,
+            f"only {facts.duration_s:.1f} s were recorded: too little to judge the run by",
+            (f"{facts.ticks.times_s.size} ticks; {SHORT_S:.0f} s are the least",),
+            "it was stopped at once, or ended early",
+            "record for longer; the last lines of the log say why it ended",
+        )
+    ]
 
 
 def _missed(facts: RunFacts) -> list[Finding]:
@@ -97,14 +113,15 @@ def _storage(facts: RunFacts) -> list[Finding]:
             )
         )
     if facts.truncated:
+        torn = not any(word in facts.truncated for word in ("damaged record", "damaged chunk", "checksum"))
         findings.append(
             Finding(
                 "truncated",
                 Severity.WARN,
-                "the record ends early",
+                "the record is not whole: it ends early" if torn else "the record is damaged",
                 (facts.truncated,),
-                "the process was killed, or the power went",
-                "nothing is needed: all whole ticks are used",
+                "the process was killed, or the power went" if torn else "a disk or a copy that changed bytes",
+                "nothing is needed: all whole ticks are used" if torn else "copy the run again; check the disk",
             )
         )
     return findings

@@ -43,6 +43,18 @@ def _silent(facts: RunFacts) -> list[Finding]:
     if not intervals:
         return []
     longest = max(end - start for start, end in intervals)
+    if facts.imported:
+        return [
+            Finding(
+                "recording_without_odometry",
+                Severity.INFO,
+                f"the recording holds no odometry {spans_text(intervals)}",
+                (f"for up to {longest:.1f} s; its usual distance is {usual_s:.2f} s",),
+                "the data set holds odometry at uneven times, or the vehicle stood still",
+                "nothing: slam.odometry.gap_s says from when on the motion counts as unknown",
+                intervals,
+            )
+        ]
     around = [
         event
         for event in facts.events_of("encoders")

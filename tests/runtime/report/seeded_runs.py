@@ -39,6 +39,7 @@ class Draft:
     events: tuple[Event, ...] = ()
     missed: int = 0
     lost: int = 0
+    kept: bool = True
     raw: tuple[Record, ...] = ()
 
     @property
@@ -89,7 +90,8 @@ def seeded_facts(
         records = tick_records(tick, estimate, timing, estimator.state_hash(), truth)
         if draft.lost:
             records = [encode_gap(Gap(tick.stamp_ns, draft.lost, 0, "the disk was full")), *records]
-        writer.add([*records, *draft.raw])
+        if draft.kept:
+            writer.add([*records, *draft.raw])
     writer.close()
     return gather(folder)
 
@@ -196,9 +198,9 @@ def missed_beats(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:
 
 
 def storage_gap(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:
-    """The record lost ten ticks."""
+    """The record lost ten ticks; the filter had them."""
     hole = int(rng.integers(80, len(drafts) - 50))
-    return [replace(d, lost=10) if d.seq == hole + 10 else d for d in drafts if not hole <= d.seq < hole + 10]
+    return [replace(d, lost=10 if d.seq == hole + 10 else 0, kept=not hole <= d.seq < hole + 10) for d in drafts]
 
 
 def laser_late(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:
@@ -257,10 +259,11 @@ FAULTS: dict[str, tuple[Rover, Fault | None, float, str]] = {
     "clock_drift": (Rover(), clock_drift, 30.0, "laser_clock_drift"),
     "wheel_crc": (Rover(), wheel_crc, 30.0, "wheel_frames_damaged"),
     "wheel_restart": (Rover(), jump, 30.0, "wheel_node_restarted"),
-    "blind": (Rover(), blind, 30.0, "pose_uncertain"),
+    "blind": (Rover(), blind, 30.0, "laser_silent"),
     "left_wheel_smaller": (Rover(radius_left_m=0.125 * 0.97), None, 60.0, "wheel_radius_difference"),
     "wheel_scale": (Rover(radius_left_m=0.125 * 1.03, radius_right_m=0.125 * 1.03), None, 60.0, "wheel_scale"),
     "tread": (Rover(tread_m=0.56), None, 60.0, "tread"),
+    "laser_yaw_1.8_deg": (Rover(mount=(0.3, 0.0, np.radians(1.8))), None, 60.0, "laser_yaw"),
     "laser_yaw": (Rover(mount=(0.3, 0.0, 0.06)), None, 60.0, "laser_yaw"),
     "laser_latency": (Rover(latency_s=0.09), None, 60.0, "laser_latency"),
 }

@@ -59,3 +59,24 @@ def test_what_happens_while_devices_come_up_is_no_finding(tmp_path: Path) -> Non
         return [replace(drafts[0], events=(began,)), *drafts[1:]]
 
     assert "wheel_node_restarted" not in _grave(judge(seeded_facts(tmp_path / "run", 1, fault=early, duration_s=6.0)))
+
+
+def test_the_cause_is_told_before_what_follows_from_it(tmp_path: Path) -> None:
+    findings = _found(tmp_path / "run", "laser_restarted", 3)
+    kinds = [finding.kind for finding in findings]
+    assert kinds[0] == "scan_stamps_jump", kinds
+    silent = next(finding for finding in findings if finding.kind == "laser_silent")
+    assert silent.follows == "scan_stamps_jump"
+
+
+def test_a_run_of_two_ticks_is_not_called_healthy(tmp_path: Path) -> None:
+    findings = judge(seeded_facts(tmp_path / "run", 1, duration_s=0.2))
+    assert _grave(findings) == {"short_run"}
+
+
+def test_holes_of_a_recording_of_others_are_no_fault_of_a_sensor(tmp_path: Path) -> None:
+    rover, fault, duration_s, _ = FAULTS["laser_silent"]
+    facts = replace(seeded_facts(tmp_path / "run", 2, rover, fault, duration_s), imported=True, source="replay of it")
+    found = {finding.kind: finding.severity for finding in judge(facts)}
+    assert found["recording_without_scans"] is Severity.INFO
+    assert "laser_silent" not in found

@@ -1,0 +1,48 @@
+"""Which findings follow from which others: a reviewer reads the cause first, however grave its consequences are."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from drivers.measurements import Severity
+from runtime.report.finding import RANKS, Finding, Interval
+
+ECHO_S = 5.0  # a pose needs some seconds to be sure again after what put it in doubt
+SENSORS = ("laser_", "scan_", "wheel", "odometry_", "can_", "storage_", "tread", "missed_beats")
+FOLLOWERS = {  # kind that follows: kinds that may be its cause, and whether they must fall into the same seconds
+    "laser_silent": (("scan_stamps_jump", "laser_checksum", "laser_frozen", "laser_late"), True),
+    "laser_scans_lost": (("laser_checksum", "laser_frozen", "scan_stamps_jump", "missed_beats"), True),
+    "pose_lost": (SENSORS, True),
+    "pose_uncertain": (SENSORS, True),
+    "pose_jumps": (SENSORS, True),
+    "no_landmarks": (SENSORS, True),
+    "worse_than_odometry": ((*SENSORS, "pose_"), False),
+}
+
+
+def ordered(findings: Sequence[Finding]) -> list[Finding]:
+    """Causes first, the gravest of them at the top; behind them what follows from another, with that as its cause."""
+    told = [_following(finding, findings) for finding in findings]
+    return sorted(told, key=lambda finding: (bool(finding.follows), -RANKS[finding.severity]))
+
+
+def _following(finding: Finding, findings: Sequence[Finding]) -> Finding:
+    causes, at_once = FOLLOWERS.get(finding.kind, ((), False))
+    grave = [other for other in findings if other.severity is not Severity.INFO and other.kind.startswith(causes)]
+    if not causes:
+        return finding
+    for cause in grave:
+        if cause is not finding and (not at_once or _most_within(finding.intervals, cause.intervals)):
+            return replace(
+                finding, follows=cause.kind, cause=f"follows from: {cause.title}", remedy="what that finding says"
+            )
+    return finding
+
+
+def _most_within(consequences: Sequence[Interval], causes: Sequence[Interval]) -> bool:
+    """Whether half or more of them begin during a cause or soon after it; a cause without times lasts all the time."""
+    if not causes:
+        return True
+    within = [
+        any(begin - ECHO_S <= start <= end + ECHO_S for begin, end in causes) for start, _ in consequences
+    ]
+    return 2 * sum(within) >= max(1, len(within))
