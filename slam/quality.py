@@ -193,7 +193,8 @@ class QualityMonitor:
         """What the next judgement depends on, for a hash."""
         supported = -1 if self._supported_ns is None else self._supported_ns
         sums = (self._score, self._square, self._known, self._found)
-        return struct.pack("<dddd?qqqq", *sums, self._lost, self._scans, self._trusted_scans, self._blind_scans, supported)
+        counts = (self._scans, self._trusted_scans, self._blind_scans, supported)
+        return struct.pack("<dddd?qqqq", *sums, self._lost, *counts)
 
     def _blind_s(self, stamp_ns: int) -> float:
         return 0.0 if self._supported_ns is None else (stamp_ns - self._supported_ns) * 1e-9
