@@ -1,6 +1,8 @@
-"""Commands that print the runtime's figures: quality of the pose, rate of the loop."""
+"""Commands that print the runtime's figures: quality of the pose, rate of the loop, what hours leave behind."""
 
 import json
+import sys
+import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +17,7 @@ def register(app: typer.Typer) -> None:
     """Add these commands."""
     app.command()(quality)
     app.command()(rate)
+    app.command()(soak)
 
 
 def quality(
@@ -57,3 +60,24 @@ def rate(
 
     measured = measure_rate(config, minutes, hogs, fsync, privileges, set_ or [])
     typer.echo(json.dumps(measured) if as_json else "\n".join(rate_lines(measured)))
+
+
+def soak(
+    config: Annotated[Path, typer.Option("--config", help="what to run; a simulated rover")] = Path("config/mock.toml"),
+    minutes: Annotated[
+        float, typer.Option(min=0.05, max=1440.0, help="how long it takes where the computer keeps up")
+    ] = 30.0,
+    speed: Annotated[float, typer.Option(min=0.5, max=100.0, help="times faster than life, at most")] = 10.0,
+    out: Annotated[Path | None, typer.Option("--out", help="folder that keeps the run; absent: none is kept")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Drive for hours by a clock that skips sleep; print growth of memory, leaked descriptors and missed beats."""
+    from runtime.cli_live import stop_on_signals
+    from runtime.soak.soak import soak as drive_long
+    from runtime.soak.soak import soak_lines
+
+    stop = stop_on_signals()
+    with tempfile.TemporaryDirectory(prefix="infant-soak-", dir=Path.cwd()) as name:
+        measured = drive_long(config, minutes, speed, out or Path(name), set_ or [], stop, sys.stderr)
+    typer.echo(json.dumps(measured) if as_json else "\n".join(soak_lines(measured)))

@@ -1,6 +1,7 @@
 """A live run from start to summary."""
 
 import threading
+from collections.abc import Callable
 from typing import Any, TextIO
 
 from drivers.measurements import SensorState
@@ -22,6 +23,8 @@ from slam.estimator import Estimator
 SENSOR_POLL_S = 0.02
 LEAD_NS = 100_000_000  # from the last preparation to the first beat
 
+Wiring = Callable[[Configuration, RunFolder, Clock], Parts]
+
 
 def drive(
     configuration: Configuration,
@@ -31,12 +34,16 @@ def drive(
     duration_s: float | None,
     stream: TextIO,
     manager: ServiceManager,
+    wire: Wiring | None = None,
 ) -> dict[str, Any]:
-    """Run until `stop` or the duration, write everything, and return the summary (also kept as summary.json)."""
+    """Run until `stop` or the duration, write everything, and return the summary (also kept as summary.json).
+
+    wire: what makes the parts, live_parts unless told otherwise.
+    """
     Estimator.warm_up(configuration.slam)
     stages = StageClock(clock)
     estimator = Estimator(configuration.slam, configuration.seed, stages.mark)
-    parts = live_parts(configuration, folder, clock)
+    parts = (wire or live_parts)(configuration, folder, clock)
     status = StatusLine(stream)
     errors = ErrorTrack()
     beats_per_s = max(1, round(configuration.loop.rate_hz))

@@ -2,6 +2,7 @@
 
 from contextlib import ExitStack
 from dataclasses import dataclass
+from typing import Protocol
 
 from drivers.encoders import CanEncoders
 from drivers.hokuyo import Hokuyo
@@ -22,6 +23,19 @@ from runtime.tick import Sink
 from slam.pose import Pose2
 
 
+class DrivenRover(Protocol):
+    """A simulated rover: it begins when the loop does, and knows the truth."""
+
+    def drive(self, start_ns: int) -> None:
+        """Begin at this time of the loop's clock."""
+
+    def map_from_body(self, stamp_ns: int) -> Pose2 | None:
+        """The truth; None before it has begun."""
+
+    def close(self) -> None:
+        """Release everything."""
+
+
 @dataclass(frozen=True, slots=True)
 class Parts:
     """All that a live run is made of besides the estimator; `close` releases it in the order of the data."""
@@ -30,7 +44,7 @@ class Parts:
     encoders: Encoders
     sinks: dict[str, Sink]
     publisher: ZenohPublisher
-    rover: SimulatedRover | None
+    rover: DrivenRover | None
     threads: ThreadWatch
 
     def start(self) -> None:

@@ -86,6 +86,16 @@ class LaserDevice:
         """True while it has power, has booted and is plugged in."""
         return self._listening and self._powered and self._restart_ns is None
 
+    @property
+    def next_scan_ns(self) -> int | None:
+        """Host time at which the next scan is sent; None while nobody asks for any."""
+        asked = self._protocol.request is not None and self._streaming is not None
+        return self._motor.sweep_end_ns(self._due) if asked else None
+
+    def nudge(self) -> None:
+        """Look at the clock again at once: it has leapt."""
+        self._wake()
+
     def start(self) -> None:
         """Begin to listen and to turn. Raises LinkError if the address or the path is taken."""
         os.set_blocking(self._wake_read, False)

@@ -1,0 +1,61 @@
+"""Another program that listens to everything the rover says: `python -m runtime.soak.listener ENDPOINT`.
+
+Counts messages by key until standard input ends, then prints them as one JSON object.
+"""
+
+import json
+import subprocess
+import sys
+from collections import Counter
+from contextlib import suppress
+
+import zenoh
+
+from runtime.zenoh_session import tool_config
+
+STOP_S = 15.0
+
+
+class Listener:
+    """The program, as the one who starts it sees it."""
+
+    def __init__(self, endpoint: str) -> None:
+        self._child = subprocess.Popen(
+            [sys.executable, "-m", "runtime.soak.listener", endpoint],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+
+    def heard(self) -> dict[str, int]:
+        """End it; messages by key, {} where it did not end well."""
+        try:
+            said, _ = self._child.communicate(timeout=STOP_S)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            self._child.communicate()
+            return {}
+        counted: dict[str, int] = json.loads(said) if said.strip() else {}
+        return counted
+
+
+def listen(endpoint: str) -> None:
+    """Subscribe to everything and count until standard input ends."""
+    config = tool_config(endpoint)
+    config.insert_json5("connect/timeout_ms", "-1")  # wait for the rover to come up
+    heard: Counter[str] = Counter()
+
+    def count(sample: zenoh.Sample) -> None:
+        heard[str(sample.key_expr)] += 1
+
+    with zenoh.open(config) as session:
+        subscriber = session.declare_subscriber("infant/**", count)
+        sys.stdin.read()
+        subscriber.undeclare()  # type: ignore[no-untyped-call]
+    with suppress(BrokenPipeError):  # whoever asked is gone
+        sys.stdout.write(json.dumps(heard) + "\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    listen(sys.argv[1])

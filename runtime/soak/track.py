@@ -1,0 +1,106 @@
+"""What the process holds while it runs: memory, descriptors and threads, once in each minute of driving."""
+
+import os
+from collections import Counter
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from runtime.review_process import ReviewProcess, resident_mb
+from runtime.tick import SinkHealth, Tick, Timing
+from slam.estimate import Estimate
+from slam.pose import Pose2
+
+DESCRIPTORS, THREADS = Path("/proc/self/fd"), Path("/proc/self/task")
+SETTLED_SHARE = 0.1  # of the drive; by then every buffer has been filled once
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """driven_s: since the first tick; drawing_mb: of the drawing process, which is apart from the others."""
+
+    driven_s: float
+    resident_mb: float
+    descriptors: int
+    threads: int
+    drawing_mb: float
+    landmarks: int
+
+
+class ProcessTrack:
+    """Sink that takes a sample every `every_s` of driving. drawing: its process is looked at too."""
+
+    def __init__(self, every_s: float) -> None:
+        self.samples: list[Sample] = []
+        self.drawing: ReviewProcess | None = None
+        self._every_ns = round(every_s * 1e9)
+        self._first_ns = self._next_ns = -1
+
+    def put(
+        self,
+        tick: Tick,
+        estimate: Estimate,
+        timing: Timing,  # noqa: ARG002
+        state_hash: bytes,  # noqa: ARG002
+        truth: Pose2 | None,  # noqa: ARG002
+    ) -> None:
+        """One tick."""
+        if self._first_ns < 0:
+            self._first_ns = self._next_ns = tick.stamp_ns
+        if tick.stamp_ns < self._next_ns:
+            return
+        self._next_ns += self._every_ns
+        self.samples.append(
+            Sample(
+                (tick.stamp_ns - self._first_ns) * 1e-9,
+                resident_mb(os.getpid()),
+                descriptors(),
+                sum(1 for _ in THREADS.iterdir()),
+                resident_mb(self.drawing.pid) if self.drawing is not None else 0.0,
+                int(estimate.counts.get("landmarks", 0)),
+            )
+        )
+
+    def health(self) -> SinkHealth:
+        """Keeps figures in memory only: never in trouble."""
+        return SinkHealth(0, 0)
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def descriptors() -> int:
+    """Descriptors that this process has open."""
+    return len(os.listdir(DESCRIPTORS)) - 1  # without the one that reads the folder
+
+
+def open_files() -> Counter[str]:
+    """What they lead to; sockets and pipes without their numbers, and without what zenoh keeps until the process ends.
+
+    zenoh keeps the waits of its threads and a file of shared memory for each session, closed or not: eleven after one.
+    """
+    found: Counter[str] = Counter()
+    for name in os.listdir(DESCRIPTORS):
+        with suppress(FileNotFoundError):  # the one that reads the folder
+            target = os.readlink(DESCRIPTORS / name)
+            if not target.startswith("anon_inode:") and not target.endswith(".zenoh"):
+                found[target.split(":[")[0]] += 1
+    return found
+
+
+def settled(samples: list[Sample]) -> list[Sample]:
+    """Those after the first tenth of the drive."""
+    return [sample for sample in samples if sample.driven_s >= SETTLED_SHARE * samples[-1].driven_s]
+
+
+def growth_mb(samples: list[Sample]) -> float:
+    """Growth of the memory over all samples: the median slope between any two of them (Theil, Sen) times their span."""
+    times_s = np.array([sample.driven_s for sample in samples])
+    held_mb = np.array([sample.resident_mb for sample in samples])
+    first, second = np.triu_indices(len(samples), 1)
+    if not first.size:
+        return 0.0
+    slopes = (held_mb[second] - held_mb[first]) / (times_s[second] - times_s[first])
+    return float(np.median(slopes) * (times_s[-1] - times_s[0]))
