@@ -57,9 +57,8 @@ class Scene:
 
     def _survey(self, half_side_m: float) -> None:
         """Make the map through the same door: go to every tile without noise, stand, and look all around."""
-        stops = np.arange(-half_side_m, half_side_m + TILE_M, TILE_M)
         everything = len(self.landmarks_m)
-        for place in [*(Pose2(x, y, 0.0) for y in stops for x in stops), Pose2()]:
+        for place in survey_stops(half_side_m):
             moved = (self._pose.inverse() @ place).as_array()
             self._pose = place
             arriving = Increment(moved, np.eye(3) * 1e-12, False, True, 0.1, 0.0, 0.0, 0.0)
@@ -89,3 +88,13 @@ class Scene:
             np.full(count, -1, dtype=np.int64),
             np.full(count, -1, dtype=np.int64),
         )
+
+
+def survey_stops(half_side_m: float) -> list[Pose2]:
+    """A way over a square that a rover could drive: row after row to and fro, then straight to the middle."""
+    stops = np.arange(-half_side_m, half_side_m + TILE_M, TILE_M)
+    rows = [(x, y) for row, y in enumerate(stops) for x in (stops if row % 2 == 0 else stops[::-1])]
+    last = np.array(rows[-1])
+    hops = math.ceil(float(np.hypot(*last)) / TILE_M)
+    home = [tuple(last * (1.0 - hop / hops)) for hop in range(1, hops + 1)]
+    return [Pose2(float(x), float(y), 0.0) for x, y in (*rows, *home)]

@@ -53,7 +53,7 @@ def test_a_step_looks_at_as_many_landmarks_in_a_large_map_as_in_a_small_one(surv
 def test_shared_pages_take_a_fraction_of_what_a_map_for_each_particle_would() -> None:
     """A map of its own for each particle takes 56 bytes a landmark."""
     scene = Scene(50, 400, 30)
-    for _ in range(SCANS):
+    for _ in range(8 * SCANS):  # until survivors have been copied some times
         scene.step(*scene.next_scan())
     used, allocated = map_memory(scene)
     assert 0.0 < used.value < 60.0
