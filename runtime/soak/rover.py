@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -16,12 +16,15 @@ from drivers.wheel_settings import EncoderSettings
 from runtime.soak.clock import Leap
 from runtime.soak.sweeps import SweepsAhead
 from runtime.soak.wheels import SteppedWheels
+from runtime.tick import Sink
 from slam.pose import Pose2
 
 CHANNEL = "infant-soak"
 BEFORE_START_S = 0.01
 POLL_S = 1e-4
 HAND_OVER_S = 0.25  # after this long in real time the drivers are not waited for
+DEEP = 400  # values in the queue of a sink; at ten times life's pace 150 gather between two wakes of the recorder
+SINKS_S, SINKS_POLL_S = 30.0, 0.005
 NEWEST_S = 2e-3  # ages of frames are told with the uncertainty of their arrival
 
 
@@ -29,7 +32,7 @@ class SteppedRover:
     """Until `drive` it lives at life's pace; then `live_until` is its only time.
 
     laser, encoders: the settings by which the drivers reach it. not_taken: how often a driver did not take what was
-    sent within a quarter of a second.
+    sent within a quarter of a second; waited_s: for sinks with too much in their queues, which cannot be on a rover.
     """
 
     def __init__(
@@ -40,7 +43,7 @@ class SteppedRover:
         now_ns: Callable[[], int],
     ) -> None:
         settings = world_for(simulation)
-        self.not_taken = 0
+        self.not_taken, self.waited_s = 0, 0.0
         self._closed = False
         self._now_ns = now_ns
         self._world = World(settings)
@@ -55,6 +58,7 @@ class SteppedRover:
             np.random.default_rng([simulation.world.seed, WHEEL_STREAM]),
         )
         self._drivers: tuple[Laser, Encoders] | None = None
+        self._sinks: tuple[Sink, ...] = ()
         self._driving = threading.Event()
         self._before = threading.Thread(target=self._live_before, name="soak", daemon=True)
         self._device.start()
@@ -63,9 +67,9 @@ class SteppedRover:
         bus = encoders.bus.model_copy(update={"interface": "virtual", "channel": CHANNEL, "options": {}})
         self.encoders = encoders.model_copy(update={"bus": bus})
 
-    def meet(self, laser: Laser, encoders: Encoders) -> None:
-        """The drivers that have to take what is sent before time goes on."""
-        self._drivers = (laser, encoders)
+    def meet(self, laser: Laser, encoders: Encoders, sinks: Mapping[str, Sink]) -> None:
+        """Those who have to take what they get before time goes on: the threads of the sinks have no leaping clock."""
+        self._drivers, self._sinks = (laser, encoders), tuple(sinks.values())
 
     def drive(self, start_ns: int) -> None:
         """Let the world begin at this time."""
@@ -87,6 +91,10 @@ class SteppedRover:
         leap(deadline_ns)
         self._wheels.send_until(deadline_ns)
         self._await(self._has_frames)
+        until_s = time.monotonic() + SINKS_S
+        while max(sink.health().depth for sink in self._sinks) > DEEP and time.monotonic() < until_s:
+            time.sleep(SINKS_POLL_S)
+            self.waited_s += SINKS_POLL_S
 
     def close(self) -> None:
         """Release everything; a second time nothing."""

@@ -32,11 +32,10 @@ from runtime.run_reader import RunReader
 from runtime.soak.clock import LeapingClock
 from runtime.soak.listener import Listener
 from runtime.soak.rover import SteppedRover
-from runtime.soak.track import ProcessTrack, Sample, growth_mb, open_files, settled
+from runtime.soak.track import ProcessTrack, Sample, fitted_growth, open_files, settled
 from runtime.wiring import Parts, live_parts
 
 BUDGET_GB = 0.2
-REVIEW_QUEUE = 40_000  # a child that is renewed takes seconds, in which ten times as much comes as in life
 WHOLE_REPLAY_S = 600.0  # a longer drive is replayed over its last segment only
 GROWTH_MAX_MB = 5.0
 SAMPLES_MIN = 20
@@ -64,7 +63,7 @@ def soak(
 
         def wire(configuration: Configuration, folder: RunFolder, clock: Clock) -> Parts:
             parts = live_parts(configuration, folder, clock)
-            rover.meet(parts.laser, parts.encoders)
+            rover.meet(parts.laser, parts.encoders, parts.sinks)
             drawing = parts.sinks.get("review")
             track.drawing = drawing if isinstance(drawing, ReviewProcess) else None
             sinks.update(parts.sinks)
@@ -85,6 +84,7 @@ def soak(
         "real_s": round(real_s, 1),
         "load": [round(load, 2) for load in os.getloadavg()],
         "not_taken": rover.not_taken,
+        "waited_for_sinks_s": round(rover.waited_s, 1),
         "left_open": dict(left_open),
         **process_figures(track.samples),
         "sinks": {name: asdict(sink.health()) for name, sink in sinks.items()},
@@ -101,7 +101,7 @@ def soak_configuration(config: Path, overrides: list[str]) -> Configuration:
     Raises ConfigurationError where no rover is simulated.
     """
     given = key_values(overrides)
-    wanted = {"record.budget_gb": str(BUDGET_GB), "review.queue": str(REVIEW_QUEUE)} | given
+    wanted = {"record.budget_gb": str(BUDGET_GB)} | given
     fixed = {
         "loop.priority": "0",
         "publish.enabled": "true",
@@ -137,8 +137,10 @@ def process_figures(samples: list[Sample]) -> dict[str, Any]:
         "resident_mb": {"settled": round(late[0].resident_mb, 2), "end": round(late[-1].resident_mb, 2)},
         "growth_mb": {
             "end_minus_settled": round(late[-1].resident_mb - late[0].resident_mb, 2),
-            "fitted": round(growth_mb(late), 2),
+            "fitted": round(fitted_growth(late, [sample.resident_mb for sample in late]), 2),
+            "heap_fitted": round(fitted_growth(late, [sample.heap_mb for sample in late]), 2),
         },
+        "blocks_grown": round(fitted_growth(late, [sample.blocks for sample in late])),
         "descriptors_grown": int(np.median([s.descriptors for s in last]) - np.median([s.descriptors for s in first])),
         "threads_grown": int(np.median([s.threads for s in last]) - np.median([s.threads for s in first])),
         "landmarks": {"settled": late[0].landmarks, "end": late[-1].landmarks},

@@ -1,7 +1,10 @@
 """What the process holds while it runs: memory, descriptors and threads, once in each minute of driving."""
 
+import ctypes
 import os
+import sys
 from collections import Counter
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,10 +22,13 @@ SETTLED_SHARE = 0.1  # of the drive; by then every buffer has been filled once
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """driven_s: since the first tick; drawing_mb: of the drawing process, which is apart from the others."""
+    """driven_s: since the first tick; resident_mb: what the system gave; heap_mb: what malloc has handed out of it;
+    blocks: small objects of Python; drawing_mb: resident in the drawing process, which is apart from the others."""
 
     driven_s: float
     resident_mb: float
+    heap_mb: float
+    blocks: int
     descriptors: int
     threads: int
     drawing_mb: float
@@ -56,6 +62,8 @@ class ProcessTrack:
             Sample(
                 (tick.stamp_ns - self._first_ns) * 1e-9,
                 resident_mb(os.getpid()),
+                heap_mb(),
+                sys.getallocatedblocks(),
                 descriptors(),
                 sum(1 for _ in THREADS.iterdir()),
                 resident_mb(self.drawing.pid) if self.drawing is not None else 0.0,
@@ -95,12 +103,36 @@ def settled(samples: list[Sample]) -> list[Sample]:
     return [sample for sample in samples if sample.driven_s >= SETTLED_SHARE * samples[-1].driven_s]
 
 
-def growth_mb(samples: list[Sample]) -> float:
-    """Growth of the memory over all samples: the median slope between any two of them (Theil, Sen) times their span."""
-    times_s = np.array([sample.driven_s for sample in samples])
-    held_mb = np.array([sample.resident_mb for sample in samples])
+def fitted_growth(samples: list[Sample], values: Sequence[float]) -> float:
+    """Growth of a value over all samples: the median slope between any two of them (Theil, Sen) times their span."""
+    times_s, held = np.array([sample.driven_s for sample in samples]), np.array(values, np.float64)
     first, second = np.triu_indices(len(samples), 1)
     if not first.size:
         return 0.0
-    slopes = (held_mb[second] - held_mb[first]) / (times_s[second] - times_s[first])
+    slopes = (held[second] - held[first]) / (times_s[second] - times_s[first])
     return float(np.median(slopes) * (times_s[-1] - times_s[0]))
+
+
+class MallInfo(ctypes.Structure):
+    """struct mallinfo2 of malloc.h (glibc 2.33)."""
+
+    _fields_ = [
+        (name, ctypes.c_size_t)
+        for name in (
+            *("arena", "ordblks", "smblks", "hblks", "hblkhd"),
+            *("usmblks", "fsmblks", "uordblks", "fordblks", "keepcost"),
+        )
+    ]
+
+
+def heap_mb() -> float:
+    """What malloc has handed out and not got back, in all its arenas; memory that it keeps free does not hide a leak.
+
+    0 where the C library does not tell.
+    """
+    tell = getattr(ctypes.CDLL(None), "mallinfo2", None)
+    if tell is None:
+        return 0.0
+    tell.restype = MallInfo
+    told = tell()
+    return float(told.uordblks + told.hblkhd) * 1e-6

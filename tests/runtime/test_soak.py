@@ -15,7 +15,7 @@ from drivers.simulated.world_settings import WorldSettings
 from runtime.soak.clock import Leap, LeapingClock
 from runtime.soak.soak import GROWTH_MAX_MB, process_figures
 from runtime.soak.sweeps import SweepsAhead
-from runtime.soak.track import Sample, growth_mb
+from runtime.soak.track import Sample, fitted_growth, heap_mb
 
 SECOND_NS = 1_000_000_000
 ROOT = Path(__file__).parents[2]
@@ -35,7 +35,7 @@ def driven(minutes: float, speed: float, out: Path, *words: str) -> dict[str, An
 def samples(resident_mb: list[float], descriptors: list[int] | None = None) -> list[Sample]:
     counts = descriptors or [30] * len(resident_mb)
     return [
-        Sample(60.0 * minute, held_mb, count, 12, 200.0, 50)
+        Sample(60.0 * minute, held_mb, held_mb, 10_000, count, 12, 200.0, 50)
         for minute, (held_mb, count) in enumerate(zip(resident_mb, counts, strict=True))
     ]
 
@@ -91,13 +91,22 @@ def test_sweeps_that_were_cast_ahead_are_the_worlds_own() -> None:
 
 def test_growth_is_fitted_through_what_comes_and_goes() -> None:
     flat = [200.0 + 3.0 * (minute % 7 == 3) for minute in range(60)]
-    assert growth_mb(samples(flat)) == pytest.approx(0.0)
-    assert growth_mb(samples([held + 0.1 * k for k, held in enumerate(flat)])) == pytest.approx(5.9, abs=0.3)
+    rising = [held + 0.1 * minute for minute, held in enumerate(flat)]
+    assert fitted_growth(samples(flat), flat) == pytest.approx(0.0)
+    assert fitted_growth(samples(rising), rising) == pytest.approx(5.9, abs=0.3)
+
+
+def test_the_heap_is_what_is_held_and_not_what_malloc_keeps() -> None:
+    before_mb = heap_mb()
+    held = [bytes(100_000) for _ in range(200)]
+    assert heap_mb() - before_mb == pytest.approx(20.0, abs=2.0)
+    held.clear()
+    assert heap_mb() - before_mb < 2.0
 
 
 def test_warming_up_is_no_leak_and_a_descriptor_a_minute_is_one() -> None:
     warming = process_figures(samples([100.0, 150.0, 190.0] + [200.0] * 57))
-    assert warming["growth_mb"] == {"end_minus_settled": 0.0, "fitted": 0.0}
+    assert warming["growth_mb"] == {"end_minus_settled": 0.0, "fitted": 0.0, "heap_fitted": 0.0}
     assert warming["descriptors_grown"] == 0
     leaking = process_figures(samples([200.0] * 60, list(range(30, 90))))
     assert leaking["descriptors_grown"] > 30
