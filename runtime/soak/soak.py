@@ -53,7 +53,8 @@ def soak(
     configuration = soak_configuration(config, overrides)
     folder = RunFolder.create(out / "run", out)
     driven_s = MINUTE_S * minutes * speed
-    track = ProcessTrack(min(MINUTE_S, driven_s / SAMPLES_MIN))
+    beats = round(driven_s * configuration.loop.rate_hz)
+    track = ProcessTrack(min(MINUTE_S, driven_s / SAMPLES_MIN), beats - 1)
     open_before = open_files()
     with stepped(configuration, speed) as (rover, clock):
         wired = configuration.model_copy(
@@ -86,6 +87,7 @@ def soak(
         "not_taken": rover.not_taken,
         "waited_for_sinks_s": round(rover.waited_s, 1),
         "left_open": dict(left_open),
+        "garbage": track.garbage,
         **process_figures(track.samples),
         "sinks": {name: asdict(sink.health()) for name, sink in sinks.items()},
         "heard": heard,
@@ -197,6 +199,7 @@ def soak_lines(measured: dict[str, Any]) -> list[str]:
     rows = [
         ("memory growth", f"{largest:.2f} MB", f"below {GROWTH_MAX_MB:g} MB", largest < GROWTH_MAX_MB),
         ("descriptors", f"{leaked} leaked", "0", leaked <= 0),
+        ("garbage", f"{measured['garbage']} objects", "0", measured["garbage"] == 0),
         ("missed beats", str(summary["missed"]), "0", summary["missed"] == 0),
         ("damages", str(len(measured["damages"]) + len(measured["gaps"])), "0", not measured["damages"]),
     ]
@@ -206,7 +209,8 @@ def soak_lines(measured: dict[str, Any]) -> list[str]:
         f"{driven / 3600.0:.2f} h of driving in {measured['real_s'] / MINUTE_S:.1f} min: "
         f"{driven / measured['real_s']:.1f} times faster than life, load {measured['load'][0]}",
         *(f"{name:14s} {value:>12s}  must be {must:12s} {'ok' if ok else 'NOT MET'}" for name, value, must, ok in rows),
-        f"memory {memory['settled']} MB after a tenth of it, {memory['end']} MB at the end, growth {growth}",
+        f"memory {memory['settled']} MB after a tenth of it, {memory['end']} MB at the end, growth {growth}, "
+        f"small objects {measured['blocks_grown']:+d}",
         f"threads grown {measured['threads_grown']}, drawing process at most {measured['drawing_max_mb']} MB",
         f"ticks {summary['ticks']}, landmarks {measured['landmarks']['settled']} to {measured['landmarks']['end']}, "
         f"SLAM {summary['slam_rms_m']} m RMS, handovers that were late {measured['not_taken']}",

@@ -1,6 +1,7 @@
 """What the process holds while it runs: memory, descriptors and threads, once in each minute of driving."""
 
 import ctypes
+import gc
 import os
 import sys
 from collections import Counter
@@ -17,6 +18,7 @@ from slam.estimate import Estimate
 from slam.pose import Pose2
 
 DESCRIPTORS, THREADS = Path("/proc/self/fd"), Path("/proc/self/task")
+GARBAGE_BEATS = 5  # before the end: one of the last beats may be missed
 SETTLED_SHARE = 0.1  # of the drive; by then every buffer has been filled once
 
 
@@ -36,9 +38,15 @@ class Sample:
 
 
 class ProcessTrack:
-    """Sink that takes a sample every `every_s` of driving. drawing: its process is looked at too."""
+    """Sink that takes a sample every `every_s` of driving.
 
-    def __init__(self, every_s: float) -> None:
+    drawing: its process is looked at too. garbage: objects at the end of the drive that only the collector could free,
+    which the loop has switched off; None where the drive ended early. last_seq: number of the last beat.
+    """
+
+    def __init__(self, every_s: float, last_seq: int) -> None:
+        self.garbage: int | None = None
+        self._last_seq = last_seq
         self.samples: list[Sample] = []
         self.drawing: ReviewProcess | None = None
         self._every_ns = round(every_s * 1e9)
@@ -55,6 +63,8 @@ class ProcessTrack:
         """One tick."""
         if self._first_ns < 0:
             self._first_ns = self._next_ns = tick.stamp_ns
+        if self.garbage is None and tick.seq > self._last_seq - GARBAGE_BEATS:
+            self.garbage = gc.collect()
         if tick.stamp_ns < self._next_ns:
             return
         self._next_ns += self._every_ns
@@ -130,9 +140,12 @@ def heap_mb() -> float:
 
     0 where the C library does not tell.
     """
-    tell = getattr(ctypes.CDLL(None), "mallinfo2", None)
-    if tell is None:
+    if TELL_HEAP is None:
         return 0.0
-    tell.restype = MallInfo
-    told = tell()
+    told = TELL_HEAP()
     return float(told.uordblks + told.hblkhd) * 1e-6
+
+
+TELL_HEAP = getattr(ctypes.CDLL(None), "mallinfo2", None)  # once: each CDLL is a cycle, and the collector is off
+if TELL_HEAP is not None:
+    TELL_HEAP.restype = MallInfo
