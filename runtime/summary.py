@@ -80,6 +80,7 @@ def summarise(
         "ticks": timekeeping.ticks,
         "missed": timekeeping.missed,
         "rate_hz": round(timekeeping.rate_hz, 4),
+        "beat_hz": round(timekeeping.beat_hz, 6),
         "lateness_ms": timekeeping.lateness.spread(),
         "tick_ms": timekeeping.duration.spread(),
         "overhead_ms": timekeeping.overhead.spread(),

@@ -55,13 +55,14 @@ class Timekeeping:
     stages: dict[str, Durations] = field(default_factory=dict)
     ticks: int = 0
     missed: int = 0
+    missed_before: int = 0
     first_beat_ns: int = 0
     last_beat_ns: int = 0
 
     def note(self, beat_ns: int, lateness_ns: int, missed: int, duration_ns: int) -> None:
         """One tick that has ended."""
         if not self.ticks:
-            self.first_beat_ns = beat_ns
+            self.first_beat_ns, self.missed_before = beat_ns, missed
         self.last_beat_ns = beat_ns
         self.ticks += 1
         self.missed += missed
@@ -81,3 +82,9 @@ class Timekeeping:
         """Ticks a second between the first and the last."""
         span_ns = self.last_beat_ns - self.first_beat_ns
         return (self.ticks - 1) * 1e9 / span_ns if span_ns > 0 else 0.0
+
+    @property
+    def beat_hz(self) -> float:
+        """Beats a second, kept or missed: exact unless one went uncounted or the grid drifted."""
+        span_ns = self.last_beat_ns - self.first_beat_ns
+        return (self.ticks - 1 + self.missed - self.missed_before) * 1e9 / span_ns if span_ns > 0 else 0.0

@@ -132,6 +132,8 @@ def test_an_overslept_beat_is_skipped_counted_recorded_and_never_bunched_up() ->
     sink, loop, _ = run_loop(lambda step: 350_000_000 if step == 2 else 0, 10 * PERIOD_NS)
     assert [tick.seq for tick in sink.ticks] == [0, 1, 2, 6, 7, 8, 9]
     assert loop.timekeeping.missed == 3
+    assert loop.timekeeping.rate_hz < 8.0
+    assert loop.timekeeping.beat_hz == pytest.approx(10.0, abs=1e-9), "missed beats are beats too"
     assert [timing.missed for timing in sink.timings] == [0, 0, 0, 3, 0, 0, 0]
     late = next(tick for tick in sink.ticks if tick.seq == 6)
     assert any(event.kind == "missed" and "3 beat(s)" in event.reason for event in late.events)
