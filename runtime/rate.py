@@ -66,7 +66,7 @@ def measure_rate(
 
 
 def rate_lines(measured: dict[str, Any]) -> list[str]:
-    """Each figure beside what it must be; without privileges beats may be missed, but none uncounted, none late for good."""
+    """Each figure beside what it must be; without privileges beats may be missed, but not uncounted."""
     late, overhead = measured["lateness_ms"], measured["overhead_ms"]["p99"]
     asked = measured["privileged"]
     rate_off = abs(measured["rate_hz"] / 10.0 - 1.0)
