@@ -12,6 +12,7 @@ from runtime.calibrate.laser_motion import LaserMotion, laser_motion
 from runtime.calibrate.range_noise import RangeNoise, range_noise
 from runtime.calibrate.result import Calibration, Quantity
 from runtime.calibrate.richness import Measure, measures
+from runtime.calibrate.single_causes import Fit
 from runtime.calibrate.solve import LATENCY_BOUND_S, Solution, solve
 from runtime.calibrate.wheel_model import DifferentialModel, SteeredModel, WheelModel
 from runtime.errors import DataSetError
@@ -69,15 +70,17 @@ def calibrate(drives: Sequence[DriveData], initial: CalibrationStart | SteeringS
     noise = range_noise(drives)
     found = measures(motions, model, solution.parameters, solution.kept.astype(np.float64), noise.still_scans)
     trouble = _trouble(motions, model, solution)
+    steps = int(solution.kept.sum())
     quantities = (*_geometry(model, solution, found, trouble), *_noise(model, solution, noise, trouble))
     return Calibration(
         tuple(drive.name for drive in drives),
         quantities,
         found,
         (*((trouble,) if trouble else ()), *(measure.sentence() for measure in found if measure.short)),
-        int(solution.kept.sum()),
+        steps,
         int((~solution.kept).sum()),
         sum(motion.failed for motion in motions),
+        None if trouble else Fit(model.names, model.start, solution.parameters, solution.covariance, steps),
     )
 
 

@@ -1,9 +1,10 @@
 """What a calibration found: values with 95 % intervals, and what it could not tell and why."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from runtime.calibrate.richness import Measure
+from runtime.calibrate.single_causes import Fit
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,7 @@ class Calibration:
     """The whole result. missing: sentences that say what to drive or check; rich: nothing is missing.
 
     steps: pieces of way on which wheels and laser agree; left_out: on which they do not; unmatched: seen too little of.
+    fit: all parameters together, None where nothing of it can be believed.
     """
 
     drives: tuple[str, ...]
@@ -39,6 +41,7 @@ class Calibration:
     steps: int
     left_out: int
     unmatched: int
+    fit: Fit | None = field(default=None, compare=False)
 
     @property
     def rich(self) -> bool:

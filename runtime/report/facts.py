@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from drivers.measurements import Event
 from runtime.calibrate.drive_data import DriveData
+from runtime.calibrate.result import Calibration
 from runtime.config import Configuration
 from runtime.messages import Gap
 from slam.estimate import LandmarkMap
@@ -75,11 +76,25 @@ class DeviceClock:
     device_s: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class GeometryRow:
+    """One parameter of the geometry in the page's unit: as configured, 95 % interval of this run alone (None where it
+    cannot tell), and the least deviation that this run would have told if nothing else had deviated.
+    """
+
+    label: str
+    unit: str
+    configured: float
+    interval: tuple[float, float] | None
+    detectable: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RunFacts:
     """All that findings and the page may look at. origin_ns: stamp of the first tick.
 
     imported: recorded by software of others, whose rates and gaps are the recording's own.
+    calibration: of `drive`, None where it has nothing to calibrate by.
     """
 
     name: str
@@ -99,6 +114,7 @@ class RunFacts:
     drive: DriveData | None
     accuracy: dict[str, Any]
     imported: bool = False
+    calibration: Calibration | None = None
 
     @property
     def duration_s(self) -> float:

@@ -17,6 +17,7 @@ from runtime.evaluate import Trajectories, against_data_set, against_simulation,
 from runtime.importers.data_set_truth import DataSetTruth
 from runtime.report.device_clock import DeviceClockReader
 from runtime.report.facts import QUALITIES, RunFacts, ScanColumns, TickColumns, WheelColumns
+from runtime.report.findings.geometry import calibrated
 from runtime.run_folder import RunFolder
 from runtime.run_reader import RecordedTick, RunReader
 from slam.estimate import Estimate, LandmarkMap
@@ -55,7 +56,7 @@ def gather(run: Path) -> RunFacts:
         if record.topic == "/raw/laser":
             clock.feed(record)
     facts = pass_.facts(RunFolder.open(run).path.name, reader, inputs, configuration, clock)
-    return replace(facts, imported=imported)
+    return replace(facts, imported=imported, calibration=calibrated(facts))
 
 
 class Gathering:

@@ -1,38 +1,121 @@
 """Whether the geometry that was configured is the one that drove: by calibration from this very run."""
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-from drivers.measurements import Severity
+from drivers.measurements import Severity, WheelCounts
 from runtime.calibrate.calibration import calibrate
-from runtime.calibrate.drive_data import CalibrationStart
+from runtime.calibrate.drive_data import DriveData
 from runtime.calibrate.recorded_drives import start_from
-from runtime.calibrate.result import Calibration, Quantity
+from runtime.calibrate.result import Calibration
+from runtime.calibrate.single_causes import Cause, Fit, single_causes
 from runtime.errors import DataSetError
-from runtime.report.facts import RunFacts
-from runtime.report.finding import Finding
+from runtime.report.facts import GeometryRow, RunFacts
+from runtime.report.finding import Finding, Interval
+from runtime.report.findings.stuck import stuck_encoders
 
-SURE = 4.0  # standard deviations: seven quantities in 100 healthy runs give less than one false report
 LEAST_RADIUS = 0.004  # share; less is a degree in ten metres of way and within a tyre's pressure
 LEAST_TREAD = 0.02  # share; the same in a full turn is 7 deg
 LEAST_YAW_RAD = math.radians(0.8)  # 0.3 m in 20 m
 LEAST_OFFSET_M = 0.05
 LEAST_LATENCY_S = 0.03  # 1.5 cm at the rover's speed, 1 deg in a turn
 NORMAL_95 = 1.96
+LEFT, RIGHT, BOTH = "left", "right", "both"
+WHEELS = {  # cause: shares of the radii
+    LEFT: {"wheel_radius_left_m": 1.0},
+    RIGHT: {"wheel_radius_right_m": 1.0},
+    BOTH: {"wheel_radius_left_m": 1.0, "wheel_radius_right_m": 1.0},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A parameter of the geometry: least deviation that matters in its own unit (relative: share of the start), the
+    same in what the page shows, and the page's unit.
+    """
+
+    label: str
+    least: float
+    relative: bool
+    shown: float
+    unit: str
+    key: str
+
+
+PLACES = {
+    "wheel_radius_left_m": Place(
+        "radius of the left wheel", LEAST_RADIUS, True, 1e3, "mm", "slam.odometry.wheel_radius_left_m"
+    ),
+    "wheel_radius_right_m": Place(
+        "radius of the right wheel", LEAST_RADIUS, True, 1e3, "mm", "slam.odometry.wheel_radius_right_m"
+    ),
+    "tread_m": Place("distance between the wheels", LEAST_TREAD, True, 1e3, "mm", "slam.odometry.tread_m"),
+    "laser_x_m": Place("laser ahead of the axle", LEAST_OFFSET_M, False, 1e3, "mm", "slam.mount.x_m"),
+    "laser_y_m": Place("laser left of the middle", LEAST_OFFSET_M, False, 1e3, "mm", "slam.mount.y_m"),
+    "laser_yaw_rad": Place(
+        "laser turned to the left", LEAST_YAW_RAD, False, math.degrees(1.0), "deg", "slam.mount.yaw_rad"
+    ),
+    "laser_latency_s": Place("stamps of the laser late by", LEAST_LATENCY_S, False, 1e3, "ms", "laser.stamp_offset_s"),
+}
+
+
+def calibrated(facts: RunFacts) -> Calibration | None:
+    """What this run alone says of wheels and mount; None where it has no scans or no wheels for it.
+
+    While an encoder is stuck its counts say nothing of the wheel, and are left out.
+    """
+    if facts.drive is None:
+        return None
+    stuck = [interval for finding in stuck_encoders(facts) for interval in finding.intervals]
+    try:
+        return calibrate([without(facts.drive, stuck, facts.origin_ns)], start_from(facts.configuration))
+    except DataSetError:
+        return None  # this kind of odometry has no wheels to compare
+
+
+def without(drive: DriveData, intervals: Sequence[Interval], origin_ns: int) -> DriveData:
+    """The same with all wheel counts in the intervals (s since origin_ns) called invalid."""
+    if not intervals:
+        return drive
+    bounds_ns = [(origin_ns + start * 1e9, origin_ns + end * 1e9) for start, end in intervals]
+    counts = [sample for sample in drive.wheels if isinstance(sample, WheelCounts)]
+    inside = [any(low <= sample.stamp_ns <= high for low, high in bounds_ns) for sample in counts]
+    wheels = [replace(sample, valid=sample.valid and not bad) for sample, bad in zip(counts, inside, strict=True)]
+    return replace(drive, wheels=tuple(wheels))
+
+
+def geometry_rows(facts: RunFacts) -> tuple[GeometryRow, ...]:
+    """What was configured, what this run says, and what it could have told, for runs with two driven wheels."""
+    fit = _fit(facts)
+    if fit is None or facts.calibration is None:
+        return ()
+    rows = []
+    for index, name in enumerate(fit.names):
+        place, found = PLACES[name], facts.calibration.quantity(name)
+        told = fit.detectable(fit.direction({name: 1.0}))
+        span = None if found.refused else (found.low * place.shown, found.high * place.shown)
+        rows.append(
+            GeometryRow(place.label, place.unit, float(fit.start[index]) * place.shown, span, told * place.shown)
+        )
+    return tuple(rows)
 
 
 def geometry_findings(facts: RunFacts) -> list[Finding]:
-    """Deviations that are both certain and large enough to matter."""
-    if facts.drive is None:
+    """Deviations that are both certain and large enough to matter, as few as explain the run."""
+    if facts.calibration is None:
         return []
-    try:
-        start = start_from(facts.configuration)
-        result = calibrate([facts.drive], start)
-    except DataSetError:
-        return []  # this kind of odometry has no wheels to compare
-    findings = _disagreement(result)
-    if not isinstance(start, CalibrationStart) or findings:
-        return findings
-    return [*_radii(result, start), *_tread(result, start), *_mount(result, start), *_latency(result)]
+    fit = _fit(facts)
+    if fit is None:
+        return _disagreement(facts.calibration)
+    directions = {name: fit.direction({name: 1.0}) for name in fit.names if not name.startswith("wheel_radius")}
+    causes = single_causes(fit, {name: fit.direction(shares) for name, shares in WHEELS.items()} | directions)
+    return [*_radii(fit, causes), *_others(fit, causes)]
+
+
+def _fit(facts: RunFacts) -> Fit | None:
+    fit = None if facts.calibration is None else facts.calibration.fit
+    return fit if fit is not None and set(fit.names) == set(PLACES) else None
 
 
 def _disagreement(result: Calibration) -> list[Finding]:
@@ -52,108 +135,89 @@ def _disagreement(result: Calibration) -> list[Finding]:
     return []
 
 
-def _deviation(quantity: Quantity) -> float:
-    return quantity.half_width / NORMAL_95
-
-
 def _ratio_text(ratio: float) -> str:
     return f"{abs(ratio):.1%} {'larger' if ratio > 0 else 'smaller'}"
 
 
-def _radii(result: Calibration, start: CalibrationStart) -> list[Finding]:
-    left, right = result.reported("wheel_radius_left_m"), result.reported("wheel_radius_right_m")
-    if left is None or right is None:
+def _radii(fit: Fit, causes: Sequence[Cause]) -> list[Finding]:
+    """One finding for both wheels together."""
+    wheels = [cause for cause in causes if cause.name in WHEELS]
+    start_m = fit.start[[fit.names.index(name) for name in ("wheel_radius_left_m", "wheel_radius_right_m")]]
+    off_m = [sum(cause.value for cause in wheels if cause.name in (side, BOTH)) for side in (LEFT, RIGHT)]
+    left, right = (float(off) / float(start) for off, start in zip(off_m, start_m, strict=True))
+    if not wheels or max(abs(left), abs(right)) < LEAST_RADIUS:
         return []
-    ratios = (left.value / start.wheel_radius_left_m - 1.0, right.value / start.wheel_radius_right_m - 1.0)
-    sigmas = (_deviation(left) / start.wheel_radius_left_m, _deviation(right) / start.wheel_radius_right_m)
-    apart, apart_sigma = ratios[0] - ratios[1], math.hypot(*sigmas)
-    both, both_sigma = 0.5 * (ratios[0] + ratios[1]), max(sigmas)  # their errors go together
-    evidence = (
-        f"left {left.value:.4f} m ({left.low:.4f} to {left.high:.4f}), configured {start.wheel_radius_left_m:g}",
-        f"right {right.value:.4f} m ({right.low:.4f} to {right.high:.4f}), configured {start.wheel_radius_right_m:g}",
-    )
-    remedy = f"slam.odometry.wheel_radius_left_m = {left.value:.4f}, wheel_radius_right_m = {right.value:.4f}"
-    if abs(apart) >= LEAST_RADIUS and abs(apart) > SURE * apart_sigma:
-        side, ratio = ("left", ratios[0]) if abs(ratios[0]) >= abs(ratios[1]) else ("right", ratios[1])
-        cause = f"tyre pressure, load or wear of the {side} wheel"
+    evidence = [_evidence(cause, f"{cause.name} wheel{'s' if cause.name == BOTH else ''}") for cause in wheels]
+    radii = (left * start_m[0] + start_m[0], right * start_m[1] + start_m[1])
+    remedy = f"slam.odometry.wheel_radius_left_m = {radii[0]:.4f}, wheel_radius_right_m = {radii[1]:.4f}"
+    if abs(left - right) < LEAST_RADIUS:
+        title = f"both wheels {_ratio_text(0.5 * (left + right))} than configured: distances are wrong by as much"
+        cause_text = "radius or counts per turn are wrong"
+        return [Finding("wheel_scale", Severity.WARN, title, tuple(evidence), cause_text, remedy)]
+    if len(wheels) > 1 and min(abs(left), abs(right)) >= LEAST_RADIUS:
+        title = f"left wheel {_ratio_text(left)} and right wheel {_ratio_text(right)} than configured"
+        cause_text = "tyre pressure, load or wear of both wheels"
+    else:
+        side, ratio = (LEFT, left) if abs(left) >= abs(right) else (RIGHT, right)
         title = f"{side} wheel {_ratio_text(ratio)} than configured"
-        if min(map(abs, ratios)) > 0.5 * abs(ratio):  # both sides share it: which one is worn is not known
-            title = f"left wheel {_ratio_text(apart)} against the right than configured"
-            cause = "tyre pressure, load or wear of one wheel"
-        return [Finding("wheel_radius_difference", Severity.WARN, title, evidence, cause, remedy)]
-    if abs(both) >= LEAST_RADIUS and abs(both) > SURE * both_sigma:
-        title = f"both wheels {_ratio_text(both)} than configured: distances are wrong by as much"
-        return [Finding("wheel_scale", Severity.WARN, title, evidence, "radius or counts per turn are wrong", remedy)]
-    return []
+        cause_text = f"tyre pressure, load or wear of the {side} wheel"
+        other = RIGHT if side == LEFT else LEFT
+        if other in wheels[0].rivals:  # which of the two it is cannot be told apart
+            title += f", or the {other} wheel {_ratio_text(-ratio)}"
+            cause_text = "tyre pressure, load or wear of one wheel"
+    return [Finding("wheel_radius_difference", Severity.WARN, title, tuple(evidence), cause_text, remedy)]
 
 
-def _tread(result: Calibration, start: CalibrationStart) -> list[Finding]:
-    found = result.reported("tread_m")
-    if found is None:
-        return []
-    ratio, sigma = found.value / start.tread_m - 1.0, _deviation(found) / start.tread_m
-    if abs(ratio) < LEAST_TREAD or abs(ratio) <= SURE * sigma:
-        return []
-    return [
-        Finding(
-            "tread",
-            Severity.WARN,
-            f"the wheels stand {found.value:.3f} m apart, {_ratio_text(ratio)} than configured: turns are wrong",
-            (f"{found.low:.3f} to {found.high:.3f} m (95 %), configured {start.tread_m:g} m",),
-            "the tread was measured between other points than where the wheels touch the ground",
-            f"slam.odometry.tread_m = {found.value:.3f}",
-        )
-    ]
+def _evidence(cause: Cause, what: str, shown: float = 1e3, unit: str = "mm") -> str:
+    half = NORMAL_95 * cause.deviation * shown
+    return (
+        f"{what}: off by {cause.value * shown:+.3g} {unit}, within {half:.2g} (95 %), "
+        f"{cause.significance:.1f} standard deviations; from scan matching against the wheels"
+    )
 
 
-def _mount(result: Calibration, start: CalibrationStart) -> list[Finding]:
-    mount = start.body_from_laser
+def _others(fit: Fit, causes: Sequence[Cause]) -> list[Finding]:
     findings = []
-    yaw = result.reported("laser_yaw_rad")
-    if yaw is not None:
-        off = yaw.value - mount.heading_rad
-        if abs(off) >= LEAST_YAW_RAD and abs(off) > SURE * _deviation(yaw):
-            findings.append(
-                Finding(
-                    "laser_yaw",
-                    Severity.WARN,
-                    f"laser yaw offset {math.degrees(off):+.1f} deg",
-                    (f"{yaw.low:.4f} to {yaw.high:.4f} rad (95 %), configured {mount.heading_rad:g}",),
-                    "the laser is turned on its mount",
-                    f"slam.mount.yaw_rad = {yaw.value:.4f}",
-                )
-            )
-    for name, axis, configured in (("laser_x_m", "x", mount.x_m), ("laser_y_m", "y", mount.y_m)):
-        found = result.reported(name)
-        if found is None:
+    for cause in causes:
+        if cause.name in WHEELS:
             continue
-        off = found.value - configured
-        if abs(off) >= LEAST_OFFSET_M and abs(off) > SURE * _deviation(found):
-            findings.append(
-                Finding(
-                    "laser_offset",
-                    Severity.WARN,
-                    f"the laser stands {abs(off) * 100.0:.0f} cm from where it is configured ({axis})",
-                    (f"{axis} {found.low:.3f} to {found.high:.3f} m (95 %), configured {configured:g}",),
-                    "the mount was measured from another point than the middle of the axle",
-                    f"slam.mount.{axis}_m = {found.value:.3f}",
-                )
-            )
+        place, start = PLACES[cause.name], float(fit.start[fit.names.index(cause.name)])
+        if abs(cause.value) < place.least * (abs(start) if place.relative else 1.0):
+            continue
+        kind, title, likely, remedy = _said(cause.name, cause.value, start)
+        evidence = _evidence(cause, place.label, place.shown, place.unit)
+        findings.append(Finding(kind, Severity.WARN, title, (evidence,), likely, remedy))
     return findings
 
 
-def _latency(result: Calibration) -> list[Finding]:
-    found = result.reported("laser_latency_s")
-    if found is None or abs(found.value) < LEAST_LATENCY_S or abs(found.value) <= SURE * _deviation(found):
-        return []
-    early_or_late = "late" if found.value > 0 else "early"
-    return [
-        Finding(
-            "laser_latency",
-            Severity.WARN,
-            f"laser latency: scans are stamped {abs(found.value) * 1e3:.0f} ms {early_or_late}",
-            (f"{found.low * 1e3:.0f} to {found.high * 1e3:.0f} ms (95 %), from turns against the wheels",),
-            "a delay between measurement and stamp that the configuration does not know, or late wheel stamps",
-            f"laser.stamp_offset_s: change it by {-found.value:+.3f}",
+def _said(name: str, off: float, start: float) -> tuple[str, str, str, str]:
+    """Kind, title, likely cause and remedy."""
+    key, value = PLACES[name].key, start + off
+    if name == "tread_m":
+        return (
+            "tread",
+            f"the wheels stand {value:.3f} m apart, {_ratio_text(off / start)} than configured: turns are wrong",
+            "the tread was measured between other points than where the wheels touch the ground",
+            f"{key} = {value:.3f}",
         )
-    ]
+    if name == "laser_yaw_rad":
+        return (
+            "laser_yaw",
+            f"laser yaw offset {math.degrees(off):+.1f} deg",
+            "the laser is turned on its mount",
+            f"{key} = {value:.4f}",
+        )
+    if name == "laser_latency_s":
+        return (
+            "laser_latency",
+            f"laser latency: scans are stamped {abs(off) * 1e3:.0f} ms {'late' if off > 0 else 'early'}",
+            "a delay between measurement and stamp that the configuration does not know, or late wheel stamps",
+            f"{key}: change it by {-off:+.3f}",
+        )
+    axis = "x" if name == "laser_x_m" else "y"
+    return (
+        "laser_offset",
+        f"the laser stands {abs(off) * 100.0:.0f} cm from where it is configured ({axis})",
+        "the mount was measured from another point than the middle of the axle",
+        f"{key} = {value:.3f}",
+    )

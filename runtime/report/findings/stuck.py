@@ -15,6 +15,7 @@ WINDOW_S = 1.5
 STILL_COUNTS = 2.0  # an encoder at an edge toggles by one
 OTHER_M = 0.35  # what the other wheel must have rolled meanwhile
 TURN_SHARE = 0.3  # of the other wheel's way: a turn about a wheel gives it none, whatever its counts say
+TURNED_SHARE = 0.5  # of the stretch; matching begins at what the wheels say, and now and then ends near it by chance
 
 
 def stuck_encoders(facts: RunFacts) -> list[Finding]:
@@ -34,7 +35,8 @@ def stuck_encoders(facts: RunFacts) -> list[Finding]:
         still = (np.abs(counts[:, own]) <= STILL_COUNTS) & (rolled_m[:, 1 - own] >= OTHER_M) & sampled
         windows = intervals_where(ends, still, 1.0, 0.2)
         turns = _turns(facts, own) if windows else []
-        intervals = tuple((start - WINDOW_S, end) for start, end in windows if not _overlaps((start, end), turns))
+        stretches = [(start - WINDOW_S, end) for start, end in windows]
+        intervals = tuple(stretch for stretch in stretches if _covered(stretch, turns) < TURNED_SHARE)
         if intervals:
             evidence = (
                 f"no count while the other wheel rolled {rolled_m[still, 1 - own].max():.2f} m in {WINDOW_S:.1f} s",
@@ -77,8 +79,10 @@ def _wheel_ways_m(mean: FloatArray, start: CalibrationStart) -> tuple[float, flo
     return body.x_m - half_turn_m, body.x_m + half_turn_m
 
 
-def _overlaps(window: Interval, others: list[Interval]) -> bool:
-    return any(begin < window[1] and end > window[0] for begin, end in others)
+def _covered(stretch: Interval, parts: list[Interval]) -> float:
+    """Share of the stretch that lies in the parts, which do not overlap."""
+    inside_s = sum(max(0.0, min(end, stretch[1]) - max(begin, stretch[0])) for begin, end in parts)
+    return inside_s / (stretch[1] - stretch[0])
 
 
 def _between(times_s: FloatArray, values: FloatArray, begins: FloatArray, ends: FloatArray) -> FloatArray:

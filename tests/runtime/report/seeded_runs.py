@@ -261,6 +261,7 @@ FAULTS: dict[str, tuple[Rover, Fault | None, float, str]] = {
     "wheel_restart": (Rover(), jump, 30.0, "wheel_node_restarted"),
     "blind": (Rover(), blind, 30.0, "laser_silent"),
     "left_wheel_smaller": (Rover(radius_left_m=0.125 * 0.97), None, 60.0, "wheel_radius_difference"),
+    "left_wheel_0.7_percent": (Rover(radius_left_m=0.125 * 0.993), None, 300.0, "wheel_radius_difference"),
     "wheel_scale": (Rover(radius_left_m=0.125 * 1.03, radius_right_m=0.125 * 1.03), None, 60.0, "wheel_scale"),
     "tread": (Rover(tread_m=0.56), None, 60.0, "tread"),
     "laser_yaw_1.8_deg": (Rover(mount=(0.3, 0.0, np.radians(1.8))), None, 60.0, "laser_yaw"),
