@@ -27,8 +27,9 @@ class Claim:
     paper: str
     here: str
     verdict: Verdict
+    seeds: int
 
-    def row(self) -> dict[str, str]:
+    def row(self) -> dict[str, str | int]:
         """For a table."""
         return asdict(self)
 
@@ -49,11 +50,12 @@ def ratio_claim(row: Row, paper: str, limit: float, what: str) -> Claim:
     """A claim "at most so many times", from one row of comparison."""
     change = f"{what} changes by {100 * (row['ratio'] - 1):+.0f} % [{100 * (row['ratio_low'] - 1):+.0f}, "
     change += f"{100 * (row['ratio_high'] - 1):+.0f}] over {row['seeds']} seeds"
-    return Claim(row["world"], paper, change, verdict_of_ratio(row["ratio_low"], row["ratio_high"], limit))
+    verdict = verdict_of_ratio(row["ratio_low"], row["ratio_high"], limit)
+    return Claim(row["world"], paper, change, verdict, row["seeds"])
 
 
 def claims(outcomes: Outcomes, comparisons: Iterable[Row]) -> list[Claim]:
-    """Every claim for which there are figures."""
+    """Every claim for which there are figures; those of few seeds are undecided, whatever the others have."""
     found = []
     for row in comparisons:
         key: tuple[Any, ...] = (row["arm"], row["against"], row["quantity"])
@@ -77,18 +79,20 @@ def claims(outcomes: Outcomes, comparisons: Iterable[Row]) -> list[Claim]:
             case ("ekf", "proposed", "particles_largest_m" | "particles_aligned_trimmed_rms_m"):
                 found.append(_unscented_claim(row))
     found += _feature_claims(outcomes) + _odometry_claims(outcomes)
-    counts = [len(results) for cell, results in outcomes.items() if cell.most_seeds is None]
-    if min(counts, default=0) < LEAST_SEEDS:
-        return [replace(claim, verdict="undecided", here=f"{claim.here} (fewer than 6 seeds)") for claim in found]
-    return found
+    return [claim if claim.seeds >= LEAST_SEEDS else _undecided(claim) for claim in found]
+
+
+def _undecided(claim: Claim) -> Claim:
+    return replace(claim, verdict="undecided", here=f"{claim.here} (fewer than {LEAST_SEEDS} seeds)")
 
 
 def _unscented_claim(row: Row) -> Claim:
     """The difference is EKF minus unscented: above zero, the unscented one is better."""
     low, high = row["difference_low"], row["difference_high"]
-    here = f"the EKF's error is larger by {row['difference']:+.3f} m [{low:+.3f}, {high:+.3f}] ({row['quantity']})"
+    here = f"the EKF's error is larger by {row['difference']:+.3f} m [{low:+.3f}, {high:+.3f}] ({row['quantity']}) "
+    here += f"over {row['seeds']} seeds"
     verdict: Verdict = "holds" if low > 0 else "does not hold" if high < 0 else "undecided"
-    return Claim(row["world"], "the unscented proposal is more accurate than the EKF's", here, verdict)
+    return Claim(row["world"], "the unscented proposal is more accurate than the EKF's", here, verdict, row["seeds"])
 
 
 def _feature_claims(outcomes: Outcomes) -> list[Claim]:
@@ -98,27 +102,31 @@ def _feature_claims(outcomes: Outcomes) -> list[Claim]:
         if results is None:
             continue
         apart = column(results, "least_spacing_m").min()
-        near = f"the nearest two are {apart:.3f} m apart"
+        near = f"the nearest two are {apart:.3f} m apart, of all scans of {len(results)} seeds"
         verdict: Verdict = "holds" if apart >= 0.0995 else "does not hold"  # float32 ranges
-        found.append(Claim(world, "features are at least 0.10 m apart", near, verdict))
+        found.append(Claim(world, "features are at least 0.10 m apart", near, verdict, len(results)))
         share = spread(column(results, "moving_created_share"))
         says = f"{100 * share.mean:.1f} % [{100 * share.mean_low:.1f}, {100 * share.mean_high:.1f}] of the features "
-        says += "that may become landmarks lie on people or robots"
+        says += f"that may become landmarks lie on people or robots, over {len(results)} seeds"
         verdict = "holds" if share.mean_high < 0.01 else "does not hold" if share.mean_low > 0.01 else "undecided"
-        found.append(Claim(world, "dynamic objects are not detected (taken as: under 1 %)", says, verdict))
+        paper = "dynamic objects are not detected (taken as: under 1 %)"
+        found.append(Claim(world, paper, says, verdict, len(results)))
     return found
 
 
 def _odometry_claims(outcomes: Outcomes) -> list[Claim]:
+    """Where a plain run is one run, the seeds are those that leave something out."""
     found = []
     for cell, results in outcomes.items():
         name = "aligned_trimmed_rms_m" if "odometry_aligned_trimmed_rms_m" in results[0] else "aligned_rms_m"
-        if cell.arm not in ("proposed", "ekf") or cell.left_out or f"odometry_{name}" not in results[0]:
+        twice = bool(cell.left_out) and replace(cell, left_out=0.0) in outcomes
+        if cell.arm not in ("proposed", "ekf") or twice or cell.most_seeds or f"odometry_{name}" not in results[0]:
             continue
         ours, dead = column(results, f"particles_{name}"), column(results, f"odometry_{name}")
         better = int((ours < dead).sum())
         here = f"in {better} of {len(ours)} seeds (mean {ours.mean():.2f} against {dead.mean():.2f} m, {name})"
         verdict: Verdict = "holds" if better == len(ours) else "does not hold"
         where = f"{cell.world}, {cell.arm}" + (f", {cell.particles} particles" if cell.particles else "")
-        found.append(Claim(where, "SLAM is more accurate than odometry", here, verdict))
+        where += f", {100 * cell.left_out:.0f} % left out" if cell.left_out else ""
+        found.append(Claim(where, "SLAM is more accurate than odometry", here, verdict, len(ours)))
     return found

@@ -1,6 +1,6 @@
 """Which figures of the published pose are wanted, and what this project asks of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from runtime.paper.arms import NORMAL, RANGE_GATED
 from runtime.paper.recorded_drive import CODED, INDOOR, VICTORIA
@@ -97,14 +97,17 @@ def _coded() -> list[Wanted]:
     figures = []
     for told, limits in (("", (0.25, 0.08)), (f", {WITHHELD}", (0.50, 0.12))):
         for world in [f"{name}{told}" for name in CODED]:
-            for left_out in (0.0, LEFT_OUT):
+            for left_out, statistics in ((0.0, (MEAN,)), (LEFT_OUT, (MEAN, MEDIAN, WORST))):
                 for whose in ("published", "particles"):
                     asked = limits if whose == "published" else None
-                    figures.append(
-                        Wanted(f"{WHOSE[whose]}, RMS, m", FITTED, world, f"{whose}_aligned_rms_m", MEAN, asked, "",
-                               left_out)
-                    )  # fmt: skip
-                figures.append(_consistency(world, left_out=left_out))
+                    figures += [
+                        Wanted(f"{WHOSE[whose]}, RMS, m", FITTED, world, f"{whose}_aligned_rms_m", statistic,
+                               asked if statistic == MEAN else None, "", left_out)
+                        for statistic in statistics
+                    ]  # fmt: skip
+                figures += [
+                    replace(_consistency(world, left_out=left_out), statistic=statistic) for statistic in statistics[:2]
+                ]
     return figures
 
 

@@ -44,7 +44,7 @@ def _published_rows(rows: Iterable[Row]) -> list[Row]:
             "particles": row["particles"],
             "seeds": row["seeds"],
             "": row["statistic"],
-            "value": _number(row["value"]) + _interval(row["low"], row["high"]),
+            "value": _number(row["value"]) + _interval(row),
             "must": "" if row["must"] is None else _number(row["must"]),
             "aim": "" if row["aim"] is None else _number(row["aim"]),
             "reached": row["reached"],
@@ -88,5 +88,10 @@ def _number(value: float) -> str:
     return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
-def _interval(low: float | None, high: float | None) -> str:
-    return "" if low is None or high is None or low == high else f" [{_number(low)}, {_number(high)}]"
+def _interval(row: Row) -> str:
+    """Of many seeds; nothing of one, or where there is none."""
+    if row["low"] is None or row["seeds"] == 1:
+        return ""
+    if row["low"] == row["high"]:
+        return " (the same in every seed)"
+    return f" [{_number(row['low'])}, {_number(row['high'])}]"

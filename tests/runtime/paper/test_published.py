@@ -84,3 +84,27 @@ def test_the_page_has_every_figure_with_its_interval_and_the_ablation() -> None:
     page = "\n".join(report_lines(study | rows))
     assert "| published pose, largest error, m | start pose | P | 30 | 3 | mean | 0.8 [0.7, 0.9] | 1 | 0.6 |" in page
     assert "| without density | 2 |  |  | +15.00 [+10.00, +20.00] |" in page
+
+
+def test_a_figure_without_a_random_part_says_so_beside_the_spread_of_what_is_left_out() -> None:
+    name = "published_aligned_trimmed_rms_m"
+    outcomes = {
+        Cell("victoria_park", PROPOSED, 10): [result(**{name: 1.4})] * 3,
+        Cell("victoria_park", PROPOSED, 10, 0.05): [result(**{name: value}) for value in (1.3, 1.5, 1.7)],
+    }
+    rows = {"published": published_rows(spread_rows(outcomes), []), "unscented": [], "comparisons": []}
+    page = "\n".join(
+        report_lines({"parts": [], "seeds": 3, "particles": 10, "claims": [], "not_given_in_the_paper": []} | rows)
+    )
+    assert "| victoria_park | 10 | 3 | median | 1.4 (the same in every seed) |" in page
+    assert "| victoria_park, 5 % left out | 10 | 3 | median | 1.5 [1.3, 1.7] |" in page
+
+
+def test_one_bad_seed_in_twenty_shows_as_the_worst_and_leaves_the_median() -> None:
+    values = [result(published_aligned_rms_m=0.2, nees_median=2.0)] * 19
+    values.append(result(published_aligned_rms_m=2.0, nees_median=128.0))
+    outcomes = {Cell("mrclam_d6_r1, identities withheld", PROPOSED, left_out=0.05): values}
+    rows = {(row["what"], row["statistic"]): row["value"] for row in published_rows(spread_rows(outcomes), [])}
+    assert rows["published pose, RMS, m", "worst"] == 2.0
+    assert rows["median NEES of the published pose", "median"] == 2.0
+    assert rows["median NEES of the published pose", "mean"] == pytest.approx(8.3)

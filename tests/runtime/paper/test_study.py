@@ -88,6 +88,36 @@ def test_few_seeds_decide_nothing(tmp_path: Path) -> None:
     assert {claim.verdict for claim in found} == {"undecided"}
 
 
+def test_a_claim_with_many_seeds_is_decided_beside_one_with_few() -> None:
+    many, few = [{"landmarks": 20.0, "likelihoods": 1.0}] * 6, [{"landmarks": 90.0, "likelihoods": 100.0}] * 6
+    outcomes = {
+        Cell("P", "proposed"): many, Cell("P", "normal"): few,
+        Cell("V2", "proposed"): many, Cell("V2", "normal"): few[:5],
+    }  # fmt: skip
+    found = {(claim.where, claim.paper[:3]): claim for claim in claims(outcomes, comparison_rows(outcomes))}
+    assert {place: (claim.verdict, claim.seeds) for place, claim in found.items()} == {
+        ("P", "627"): ("holds", 6), ("P", "no "): ("holds", 6),
+        ("V2", "627"): ("undecided", 5), ("V2", "no "): ("undecided", 5),
+    }  # fmt: skip
+    assert "fewer than 6 seeds" in found["V2", "627"].here
+    assert "fewer than 6 seeds" not in found["P", "627"].here
+
+
+def test_a_recording_that_runs_once_is_judged_by_the_seeds_that_leave_something_out() -> None:
+    figures = [{"particles_aligned_rms_m": 0.2, "odometry_aligned_rms_m": 2.0}]
+    outcomes = {
+        Cell("mrclam_d6_r1", "proposed", most_seeds=1): figures,
+        Cell("mrclam_d6_r1", "proposed", left_out=0.05): figures * 20,
+        Cell("victoria_park", "proposed", 10): figures * 20,
+        Cell("victoria_park", "proposed", 10, left_out=0.05): figures * 20,
+    }
+    found = {claim.where: (claim.seeds, claim.verdict) for claim in claims(outcomes, [])}
+    assert found == {
+        "mrclam_d6_r1, proposed, 5 % left out": (20, "holds"),
+        "victoria_park, proposed, 10 particles": (20, "holds"),
+    }
+
+
 def test_a_study_leaves_pictures_tables_and_a_page_with_every_claim_behind(tmp_path: Path) -> None:
     result = reproduce(Study(("table1",), seeds=1, particles=2, steps=30), tmp_path, None, ignore)
     assert all(Path(picture).stat().st_size > 5000 for picture in result["pictures"])
