@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from runtime.report.facts import QUALITIES, FloatArray, RunFacts
 from runtime.report.finding import Finding, silences, worst
+from runtime.report.findings.geometry import geometry_rows
 from runtime.report.judge import verdict
 
 SHOWN_EVENTS = 200  # of thousands in a bad run; the record has them all
@@ -32,6 +34,7 @@ def figures(facts: RunFacts, findings: Sequence[Finding]) -> dict[str, Any]:
         "sensors": _sensors(facts),
         "filter": _filter(facts),
         "landmarks": _landmarks(facts),
+        "geometry": [asdict(row) for row in geometry_rows(facts)],
         "events": _events(facts),
         "truncated": facts.truncated or None,
     }

@@ -1,6 +1,7 @@
 """report.html: one self-contained page of a run; nothing in it asks the network for anything."""
 
 import html
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,8 +9,14 @@ import numpy as np
 
 from runtime.report.facts import RunFacts
 from runtime.report.finding import Finding, Interval, span_text
-from runtime.report.plots import Line, map_plot, time_plot
+from runtime.report.plots import Line, map_plot, time_plot, timeline
 from runtime.report.style import STYLE
+
+KEY = re.compile(
+    r"(\[[a-z_]+(\.[a-z_]+)*\]|[a-z_]+(\.[a-z_0-9]+)+|\b[a-z]+(_[a-z0-9]+)+)"  # a table, a full name, or its last part
+    r"( = [-+\d.]*\d| = (true|false))?"  # and the value it is to have
+)
+NOTHING = "<p>Nothing was found.</p>"
 
 
 def page(facts: RunFacts, findings: Sequence[Finding], figures: dict[str, Any]) -> str:
@@ -19,12 +26,13 @@ def page(facts: RunFacts, findings: Sequence[Finding], figures: dict[str, Any]) 
         f'<p class="quiet">{text(_origin(facts))}</p>',
         verdict_line(figures),
         f'<div class="tiles">{"".join(tile(*item) for item in tiles(figures))}</div>',
-        section("Findings", "".join(map(finding_card, findings)) or "<p>Nothing was found.</p>"),
+        section("Findings", _when(facts, findings) + "".join(map(finding_card, findings)) or NOTHING),
         section("Trajectory and map", _where(facts, figures)),
         section("Timing", _timing(facts, findings)),
         section("Sensors", _sensors(facts, figures, findings)),
         section("Filter", _filter(facts, figures, findings)),
         section("Clock", _clock(facts)),
+        section("Geometry", _geometry(figures)),
         section("Events", _events(figures)),
         section("Configuration", _configuration(facts)),
     ))  # fmt: skip
@@ -87,8 +95,13 @@ def finding_card(finding: Finding) -> str:
         f'<article class="finding {finding.severity.value}" data-kind="{text(finding.kind)}">'
         f'<span class="mark">{finding.severity.value}</span><h3>{text(finding.title)}</h3><dl>'
         f"<dt>Evidence</dt><dd>{evidence}</dd><dt>Likely</dt><dd>{text(finding.cause)}</dd>"
-        f"<dt>Change</dt><dd><code>{text(finding.remedy)}</code></dd></dl></article>"
+        f"<dt>Change</dt><dd>{keys_marked(finding.remedy)}</dd></dl></article>"
     )
+
+
+def keys_marked(sentence: str) -> str:
+    """A remedy with its configuration keys, and the values that they are to have, as code."""
+    return KEY.sub(lambda found: f"<code>{found.group(0)}</code>", text(sentence))
 
 
 def plot(title: str, drawing: str) -> str:
@@ -115,6 +128,16 @@ def _marked(findings: Sequence[Finding], *beginnings: str) -> list[Interval]:
     return [
         interval for finding in findings if finding.kind.startswith(beginnings) for interval in finding.intervals[:40]
     ]
+
+
+def _when(facts: RunFacts, findings: Sequence[Finding]) -> str:
+    """A bar for every finding that has times, in one picture: what came together belongs together."""
+    rows = [
+        (finding.kind.replace("_", " "), finding.severity.value, finding.intervals)
+        for finding in findings
+        if finding.intervals
+    ]
+    return f'<div class="when">{timeline(rows, facts.duration_s)}</div>' if rows else ""
 
 
 def _where(facts: RunFacts, figures: dict[str, Any]) -> str:
@@ -232,6 +255,25 @@ def _clock(facts: RunFacts) -> str:
     line = Line("arrival", clock.arrival_s[driven], delay_ms[driven] - delay_ms[driven].min(), "a")
     drawing = time_plot([line], "arrival later than the fastest, ms")
     return f'<div class="pair">{plot("Laser: arrival against its own counter", drawing)}</div>'
+
+
+def _geometry(figures: dict[str, Any]) -> str:
+    rows = [
+        (
+            f"{row['label']}, {row['unit']}",
+            f"{row['configured']:.1f}",
+            "cannot tell" if row["interval"] is None else f"{row['interval'][0]:.1f} to {row['interval'][1]:.1f}",
+            f"{row['detectable']:.1f}",
+        )
+        for row in figures["geometry"]
+    ]
+    if not rows:
+        return '<p class="quiet">Nothing to compare: wheels and laser were not seen in motion together.</p>'
+    note = (
+        '<p class="quiet">The interval holds with everything else open as well. A single deviation of the last column '
+        "would have become a finding in one of two such runs; a longer drive tells smaller ones.</p>"
+    )
+    return table(("", "configured", "this run says (95 %)", "tells from"), rows) + note
 
 
 def _events(figures: dict[str, Any]) -> str:

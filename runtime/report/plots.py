@@ -13,6 +13,8 @@ from runtime.report.finding import Interval
 FloatArray = NDArray[np.float64]
 MOST_POINTS = 600  # more than a phone or a printer shows; every bin keeps its least and its greatest
 BREAK_S, BREAK_STEPS = 0.5, 5.0  # a longer pause than both of these parts a curve
+TOP_OF_ROWS, ROW = 6.0, 31.0
+NEAR_SHARE, NEAR_LEAST_M = 0.75, 5.0  # landmarks are drawn so far around the way; most lie far outside it
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 640.0, 52.0, 10.0, 26.0, 38.0
 
 
@@ -59,7 +61,7 @@ def time_plot(
     low, high = (min(0.0, float(values.min())) if from_zero else float(values.min())), float(values.max())
     high = high if high > low else low + 1.0
     last_s = max(float(line.x.max()) for line in drawn)
-    frame = _Frame((0.0, low), (max(last_s, 1.0), high + 0.04 * (high - low)), height)
+    frame = _Frame((0.0, low), (max(last_s, 1.0), high + 0.08 * (high - low)), height)
     parts = [
         f'<rect class="marked" x="{frame.x(start):.1f}" y="{TOP:.0f}" '
         f'width="{max(2.0, frame.x(end) - frame.x(start)):.1f}" height="{height - TOP - BOTTOM:.0f}"/>'
@@ -69,6 +71,22 @@ def time_plot(
     return _svg("".join(parts), height, y_label) + _legend(drawn)
 
 
+def timeline(rows: Sequence[tuple[str, str, Sequence[Interval]]], until_s: float) -> str:
+    """When each thing was: (name, style, intervals s since the first tick), one bar a row."""
+    height = TOP_OF_ROWS + ROW * len(rows) + BOTTOM
+    frame = _Frame((0.0, 0.0), (max(until_s, 1.0), 1.0), height)
+    parts = [_across(frame, TOP_OF_ROWS, "time, s")]
+    for row, (name, style, intervals) in enumerate(rows):
+        y = TOP_OF_ROWS + ROW * row
+        parts.append(f'<text class="name" x="{LEFT:.0f}" y="{y + 14:.0f}">{escape(name)}</text>')
+        for start, end in intervals:
+            x, width = frame.x(max(start, 0.0)), frame.x(end) - frame.x(max(start, 0.0))
+            parts.append(
+                f'<rect class="bar {style}" x="{x:.1f}" y="{y + 19:.0f}" width="{max(3.0, width):.1f}" height="7"/>'
+            )
+    return _svg("".join(parts), height, "when each finding was")
+
+
 def _driven(line: Line) -> Line:
     """Without what came before the first tick."""
     during = line.x >= 0.0
@@ -76,16 +94,19 @@ def _driven(line: Line) -> Line:
 
 
 def map_plot(lines: Sequence[Line], label: str) -> str:
-    """Places in metres, both axes to the same scale, x to the right and y up."""
+    """Places in metres, both axes to the same scale, x to the right and y up.
+
+    The curves fill the drawing; of the dots those are drawn that lie around them, and the legend counts both.
+    """
     drawn = [line for line in lines if line.x.size and np.isfinite(line.x).any()]
     if not drawn:
         return '<p class="quiet">Nothing recorded.</p>'
-    spans = []
-    for axis in ("x", "y"):
-        values = np.concatenate([getattr(line, axis)[np.isfinite(getattr(line, axis))] for line in drawn])
-        margin = max(0.5, 0.04 * float(np.ptp(values)))
-        spans.append((float(values.min()) - margin, float(values.max()) + margin))
-    (x0, x1), (y0, y1) = spans
+    curves = [line for line in drawn if not line.dots] or drawn
+    (x0, x1), (y0, y1) = (_span([getattr(line, axis) for line in curves]) for axis in ("x", "y"))
+    if len(curves) < len(drawn):
+        margin = max(NEAR_LEAST_M, NEAR_SHARE * max(x1 - x0, y1 - y0))
+        x0, x1, y0, y1 = x0 - margin, x1 + margin, y0 - margin, y1 + margin
+        drawn = [_within(line, (x0, x1), (y0, y1)) if line.dots else line for line in drawn]
     scale = (WIDTH - LEFT - RIGHT) / (x1 - x0)
     height = (y1 - y0) * scale + TOP + BOTTOM
     if height > 620.0:
@@ -95,6 +116,19 @@ def map_plot(lines: Sequence[Line], label: str) -> str:
     return _svg(_axes(frame, "x, m", "y, m") + "".join(_curve(line, frame) for line in drawn), height, label) + _legend(
         drawn
     )
+
+
+def _span(values: Sequence[FloatArray]) -> Interval:
+    """Least and greatest, with some room."""
+    known = np.concatenate([part[np.isfinite(part)] for part in values])
+    margin = max(0.5, 0.04 * float(np.ptp(known)))
+    return float(known.min()) - margin, float(known.max()) + margin
+
+
+def _within(line: Line, x: Interval, y: Interval) -> Line:
+    inside = (line.x > x[0]) & (line.x < x[1]) & (line.y > y[0]) & (line.y < y[1])
+    name = line.name if inside.all() else f"{line.name} ({int(inside.sum())} of {inside.size} are this near)"
+    return Line(name, line.x[inside], line.y[inside], line.style, dots=True)
 
 
 def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -129,17 +163,24 @@ def ticks(low: float, high: float, about: int) -> list[float]:
 
 
 def _axes(frame: _Frame, x_label: str, y_label: str) -> str:
-    bottom, parts = frame.height - BOTTOM, []
-    for value in ticks(frame.low[1], frame.high[1], max(2, round(frame.height / 60.0))):
+    parts = []
+    for value in ticks(frame.low[1], frame.high[1], max(2, round(frame.height / 45.0))):
         y = frame.y(value)
         parts.append(f'<path class="grid" d="M{LEFT:.0f} {y:.1f}H{WIDTH - RIGHT:.0f}"/>')
         parts.append(f'<text x="{LEFT - 5:.0f}" y="{y + 4:.1f}" text-anchor="end">{value:g}</text>')
+    parts.append(_across(frame, TOP, x_label))
+    parts.append(f'<text x="2" y="{TOP - 9:.0f}">{escape(y_label)}</text>')
+    return "".join(parts)
+
+
+def _across(frame: _Frame, top: float, label: str) -> str:
+    """Grid lines, numbers and label of the axis to the right."""
+    bottom, parts = frame.height - BOTTOM, []
     for value in ticks(frame.low[0], frame.high[0], 7):
         x = frame.x(value)
-        parts.append(f'<path class="grid" d="M{x:.1f} {TOP:.0f}V{bottom:.1f}"/>')
+        parts.append(f'<path class="grid" d="M{x:.1f} {top:.0f}V{bottom:.1f}"/>')
         parts.append(f'<text x="{x:.1f}" y="{bottom + 15:.1f}" text-anchor="middle">{value:g}</text>')
-    parts.append(f'<text x="{WIDTH - RIGHT:.0f}" y="{bottom + 34:.1f}" text-anchor="end">{escape(x_label)}</text>')
-    parts.append(f'<text x="2" y="{TOP - 9:.0f}">{escape(y_label)}</text>')
+    parts.append(f'<text x="{WIDTH - RIGHT:.0f}" y="{bottom + 34:.1f}" text-anchor="end">{escape(label)}</text>')
     return "".join(parts)
 
 
@@ -170,7 +211,7 @@ def _curve(line: Line, frame: _Frame) -> str:
 def _legend(lines: Sequence[Line]) -> str:
     if len(lines) < 2:
         return ""
-    items = "".join(f'<li class="{line.style}">{escape(line.name)}</li>' for line in lines)
+    items = "".join(f'<li class="{line.style}{" dot" if line.dots else ""}">{escape(line.name)}</li>' for line in lines)
     return f'<ul class="legend">{items}</ul>'
 
 

@@ -28,6 +28,8 @@ dt{color:var(--quiet)}dd{margin:0}code{font-family:ui-monospace,"DejaVu Sans Mon
 .pair>div{min-width:0;break-inside:avoid}
 svg{width:100%;height:auto;display:block}svg text{fill:var(--quiet);font-size:13px}
 .grid{stroke:var(--line);stroke-width:1;fill:none}.curve{fill:none;stroke-width:1.8;stroke-linejoin:round}
+.when{max-width:46rem}
+.bar.info{fill:var(--info)}.bar.warn{fill:var(--warn)}.bar.error{fill:var(--error)}svg text.name{fill:var(--ink)}
 .marked{fill:var(--mark);opacity:.75}
 .curve.a,.curve.path-a{stroke:var(--a)}.curve.b,.curve.path-b{stroke:var(--b);stroke-dasharray:5 3}
 .curve.c,.curve.path-c{stroke:var(--c);stroke-dasharray:2 3;stroke-width:2.2}
@@ -35,6 +37,7 @@ svg{width:100%;height:auto;display:block}svg text{fill:var(--quiet);font-size:13
 .legend{list-style:none;display:flex;flex-wrap:wrap;gap:.1rem 1.1rem;margin:.1rem 0;padding:0;font-size:.85rem}
 .legend li::before{content:"";display:inline-block;width:1.1em;border-top:3px solid var(--quiet);margin-right:.4em;
 vertical-align:middle}
+.legend .dot::before{width:.45em;height:.45em;border:0;border-radius:50%;background:var(--quiet)}
 .legend .a::before,.legend .path-a::before{border-color:var(--a)}
 .legend .b::before,.legend .path-b::before{border-color:var(--b);border-top-style:dashed}
 .legend .c::before,.legend .path-c::before{border-color:var(--c);border-top-style:dotted}
@@ -44,8 +47,12 @@ td,th{overflow-wrap:normal}td:last-child{overflow-wrap:anywhere}
 .events td:not(:last-child){white-space:nowrap}
 .events td:last-child{min-width:16rem}
 th{color:var(--quiet);font-weight:500}.scroll{overflow-x:auto}details{margin:.6rem 0}summary{cursor:pointer}
-@media(max-width:34rem){svg text{font-size:17px}.finding dl{grid-template-columns:1fr}dd{margin-bottom:.2rem}}
+@media(max-width:34rem){svg text{font-size:17px}
+.events tr{display:grid;grid-template-columns:auto auto 1fr;gap:0 .8rem;border-bottom:1px solid var(--line)}
+.events td,.events th{border:0}.events td:last-child{grid-column:1/-1;min-width:0}.events tr:first-child{display:none}
+.finding dl{grid-template-columns:1fr}dd{margin-bottom:.2rem}}
 @media print{:root{--paper:#fff;--ink:#000;--quiet:#444;--line:#bbb;--card:#fff;--a:#0b64c0;--b:#c2570c;--c:#2d7d3a;
 --info:#4a6785;--warn:#9a6200;--error:#b3261e;--mark:#f3d9a4}
-body{font-size:10pt;max-width:none}h2{break-after:avoid}details>*{display:block}}
+body{font-size:10pt;max-width:none}h2{break-after:avoid}details{display:none}.pair svg text{font-size:17px}
+.pair{grid-template-columns:1fr 1fr}section>h2+*{break-before:avoid}.tiles{grid-template-columns:repeat(4,1fr)}}
 """

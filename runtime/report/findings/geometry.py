@@ -171,8 +171,8 @@ def _radii(fit: Fit, causes: Sequence[Cause]) -> list[Finding]:
 def _evidence(cause: Cause, what: str, shown: float = 1e3, unit: str = "mm") -> str:
     half = NORMAL_95 * cause.deviation * shown
     return (
-        f"{what}: off by {cause.value * shown:+.3g} {unit}, within {half:.2g} (95 %), "
-        f"{cause.significance:.1f} standard deviations; from scan matching against the wheels"
+        f"{what}: {cause.value * shown:+.3g} {unit} from the configured, give or take {half:.2g} (95 %); "
+        f"{cause.significance:.1f} standard deviations, from scan matching against the wheels"
     )
 
 

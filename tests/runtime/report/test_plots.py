@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from runtime.report.plots import MOST_POINTS, Line, broken, map_plot, thinned, ticks, time_plot
+from runtime.report.plots import MOST_POINTS, Line, broken, map_plot, thinned, ticks, time_plot, timeline
 
 TIMES_S: NDArray[np.float64] = np.linspace(0.0, 499.9, 5000)
 
@@ -51,3 +51,24 @@ def test_a_map_has_one_scale_on_both_axes() -> None:
 def test_nothing_recorded_is_said() -> None:
     assert "Nothing recorded" in time_plot([], "m")
     assert "Nothing recorded" in map_plot([], "m")
+
+
+def test_a_timeline_has_a_bar_for_every_interval_at_its_time() -> None:
+    rows = [("laser silent", "warn", [(0.0, 50.0), (90.0, 90.0)]), ("people", "info", [(-3.0, 100.0)])]
+    drawing = ET.fromstring(timeline(rows, 100.0))
+    bars = [node for node in drawing if (node.get("class") or "").startswith("bar")]
+    assert [node.get("class") for node in bars] == ["bar warn", "bar warn", "bar info"]
+    widths = [float(node.get("width", "")) for node in bars]
+    assert abs(widths[2] - 2.0 * widths[0]) < 0.2
+    assert widths[1] >= 3.0  # a moment is seen too
+    assert "laser silent" in "".join(drawing.itertext())
+
+
+def test_a_map_shows_the_way_large_and_counts_the_landmarks_that_lie_far_from_it() -> None:
+    way = Line("way", np.array((0.0, 10.0)), np.array((0.0, 0.0)), "path-a")
+    marks = Line("landmarks", np.array((1.0, 5.0, 900.0)), np.array((2.0, -2.0, 0.0)), "q", dots=True)
+    drawing = map_plot([marks, way], "map")
+    assert drawing.count("<circle") == 2
+    assert "landmarks (2 of 3 are this near)" in drawing
+    start, end = (float(point.split()[0]) for point in drawing.split('path-a" d="M')[1].split('"')[0].split("L"))
+    assert end - start > 200.0
