@@ -146,6 +146,7 @@ def process_figures(samples: list[Sample]) -> dict[str, Any]:
         "descriptors_grown": int(np.median([s.descriptors for s in last]) - np.median([s.descriptors for s in first])),
         "threads_grown": int(np.median([s.threads for s in last]) - np.median([s.threads for s in first])),
         "landmarks": {"settled": late[0].landmarks, "end": late[-1].landmarks},
+        "kept_waiting_s": round(samples[-1].kept_waiting_s - samples[0].kept_waiting_s, 2),
         "drawing_max_mb": round(max(sample.drawing_mb for sample in samples), 1),
     }
 
@@ -213,7 +214,9 @@ def soak_lines(measured: dict[str, Any]) -> list[str]:
         f"small objects {measured['blocks_grown']:+d}",
         f"threads grown {measured['threads_grown']}, drawing process at most {measured['drawing_max_mb']} MB",
         f"ticks {summary['ticks']}, landmarks {measured['landmarks']['settled']} to {measured['landmarks']['end']}, "
-        f"SLAM {summary['slam_rms_m']} m RMS, handovers that were late {measured['not_taken']}",
+        f"SLAM {summary['slam_rms_m']} m RMS",
+        f"threads waited {measured['kept_waiting_s']} s for a processor that other programs had, and the clock "
+        f"{measured['waited_for_sinks_s']} s for sinks; handovers that were late: {measured['not_taken']}",
         f"{sinks}; messages heard over zenoh {sum(measured['heard'].values())}",
         f"segments {measured['segments']}, {measured['verified_ticks']} ticks verified, replayed {replayed}",
     ]

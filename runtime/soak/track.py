@@ -25,7 +25,8 @@ SETTLED_SHARE = 0.1  # of the drive; by then every buffer has been filled once
 @dataclass(frozen=True, slots=True)
 class Sample:
     """driven_s: since the first tick; resident_mb: what the system gave; heap_mb: what malloc has handed out of it;
-    blocks: small objects of Python; drawing_mb: resident in the drawing process, which is apart from the others."""
+    blocks: small objects of Python; drawing_mb: resident in the drawing process, which is apart from the others;
+    kept_waiting_s: time in which threads of the process could have worked and had no processor."""
 
     driven_s: float
     resident_mb: float
@@ -35,6 +36,7 @@ class Sample:
     threads: int
     drawing_mb: float
     landmarks: int
+    kept_waiting_s: float
 
 
 class ProcessTrack:
@@ -63,9 +65,10 @@ class ProcessTrack:
         """One tick."""
         if self._first_ns < 0:
             self._first_ns = self._next_ns = tick.stamp_ns
-        if self.garbage is None and tick.seq > self._last_seq - GARBAGE_BEATS:
+        ends = self.garbage is None and tick.seq > self._last_seq - GARBAGE_BEATS
+        if ends:
             self.garbage = gc.collect()
-        if tick.stamp_ns < self._next_ns:
+        elif tick.stamp_ns < self._next_ns:
             return
         self._next_ns += self._every_ns
         self.samples.append(
@@ -78,6 +81,7 @@ class ProcessTrack:
                 sum(1 for _ in THREADS.iterdir()),
                 resident_mb(self.drawing.pid) if self.drawing is not None else 0.0,
                 int(estimate.counts.get("landmarks", 0)),
+                kept_waiting_s(),
             )
         )
 
@@ -106,6 +110,15 @@ def open_files() -> Counter[str]:
             if not target.startswith("anon_inode:") and not target.endswith(".zenoh"):
                 found[target.split(":[")[0]] += 1
     return found
+
+
+def kept_waiting_s() -> float:
+    """Of all threads, since each began; 0 where the kernel does not tell (schedstat)."""
+    waited_ns = 0
+    for thread in THREADS.iterdir():
+        with suppress(OSError, IndexError, ValueError):  # a thread that has just ended; a kernel without the file
+            waited_ns += int((thread / "schedstat").read_text().split()[1])
+    return waited_ns * 1e-9
 
 
 def settled(samples: list[Sample]) -> list[Sample]:

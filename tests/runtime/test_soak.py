@@ -17,6 +17,7 @@ from runtime.soak.soak import GROWTH_MAX_MB, process_figures
 from runtime.soak.sweeps import SweepsAhead
 from runtime.soak.track import Sample, fitted_growth, heap_mb
 
+BEAT_S = 0.09  # a tick of 5 ms that misses a beat was kept waiting for the rest of 100 ms
 SECOND_NS = 1_000_000_000
 ROOT = Path(__file__).parents[2]
 
@@ -35,7 +36,7 @@ def driven(minutes: float, speed: float, out: Path, *words: str) -> dict[str, An
 def samples(resident_mb: list[float], descriptors: list[int] | None = None) -> list[Sample]:
     counts = descriptors or [30] * len(resident_mb)
     return [
-        Sample(60.0 * minute, held_mb, held_mb, 10_000, count, 12, 200.0, 50)
+        Sample(60.0 * minute, held_mb, held_mb, 10_000, count, 12, 200.0, 50, 0.0)
         for minute, (held_mb, count) in enumerate(zip(resident_mb, counts, strict=True))
     ]
 
@@ -131,7 +132,7 @@ def test_a_minute_of_driving_leaves_nothing_open_and_replays_to_the_last_bit(tmp
     check_counts(measured)
     summary = measured["summary"]
     assert summary["ticks"] + summary["missed"] == 720
-    assert summary["missed"] <= 7  # none but what other programs on this computer take; the long drive asks for none
+    assert BEAT_S * summary["missed"] <= measured["kept_waiting_s"]  # none but for what other programs took
     assert measured["segments"] == {"closed": 4, "removed": 0, "left": 4}
     assert measured["verified_ticks"] == summary["ticks"]
     assert measured["replayed"] == {"whole": True, "ticks": summary["ticks"], "identical": True}
