@@ -196,13 +196,13 @@ def soak_lines(measured: dict[str, Any]) -> list[str]:
     summary, growth = measured["summary"], measured["growth_mb"]
     largest = max(growth.values())
     leaked = max(measured["descriptors_grown"], sum(measured["left_open"].values()))
-    driven = measured["driven_s"]
+    driven, damages = measured["driven_s"], len(measured["damages"]) + len(measured["gaps"])
     rows = [
         ("memory growth", f"{largest:.2f} MB", f"below {GROWTH_MAX_MB:g} MB", largest < GROWTH_MAX_MB),
         ("descriptors", f"{leaked} leaked", "0", leaked <= 0),
         ("garbage", f"{measured['garbage']} objects", "0", measured["garbage"] == 0),
         ("missed beats", str(summary["missed"]), "0", summary["missed"] == 0),
-        ("damages", str(len(measured["damages"]) + len(measured["gaps"])), "0", not measured["damages"]),
+        ("damages", str(damages), "0", damages == 0),
     ]
     memory, replayed = measured["resident_mb"], measured["replayed"]
     sinks = "; ".join(f"{name} dropped {sink['dropped']}" for name, sink in measured["sinks"].items())
