@@ -127,21 +127,28 @@ def _unmatched(facts: RunFacts) -> list[Finding]:
 
 
 def _people(facts: RunFacts) -> list[Finding]:
-    moved = np.nan_to_num(facts.scans.near_moved_share)
+    """While the pose is believed: where it is wrong, everything stands where nothing was before."""
+    moved = np.where(_tracked(facts), np.nan_to_num(facts.scans.near_moved_share), 0.0)
     intervals = intervals_where(facts.scans.times_s, moved > PEOPLE_SHARE, 2.0, PEOPLE_S)
     if not intervals:
         return []
-    return [
-        Finding(
-            "people",
-            Severity.INFO,
-            f"people walked along {spans_text(intervals)}",
-            (f"up to {moved.max():.0%} of the returns were near and fell on what was not there before",),
-            "people, or other things that move",
-            "nothing: they are not used as landmarks (slam.techniques.difference)",
-            intervals,
-        )
-    ]
+    evidence = (f"up to {moved.max():.0%} of the returns were near and fell on what was not there before",)
+    remedy = "nothing: they are not used as landmarks (slam.techniques.difference)"
+    if facts.imported:  # indoors, and where scans are seconds apart, more comes into view than moves
+        title = f"things moved or came into view near the laser {spans_text(intervals)}"
+        cause = "people, or what stands behind corners and between rare scans"
+        return [Finding("movement", Severity.INFO, title, evidence, cause, remedy, intervals)]
+    title, cause = f"people walked along {spans_text(intervals)}", "people, or other things that move"
+    return [Finding("people", Severity.INFO, title, evidence, cause, remedy, intervals)]
+
+
+def _tracked(facts: RunFacts) -> NDArray[np.bool_]:
+    """(scans,) whether the pose was neither lost nor in doubt at the beat that used the scan."""
+    ticks = facts.ticks
+    beats = np.searchsorted(ticks.times_s, facts.scans.times_s + facts.scans.age_s - 1e-6)
+    quality = ticks.quality[np.minimum(beats, ticks.quality.size - 1)]
+    believed: NDArray[np.bool_] = quality < QUALITIES.index("uncertain")
+    return believed
 
 
 def _accuracy(facts: RunFacts) -> list[Finding]:

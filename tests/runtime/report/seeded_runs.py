@@ -52,10 +52,12 @@ Fault = Callable[[list[Draft], np.random.Generator], list[Draft]]
 
 
 @cache
-def sweeps(seed: int, mount: tuple[float, float, float], tread_m: float, duration_s: float) -> tuple[World, list[Scan]]:
+def sweeps(
+    seed: int, mount: tuple[float, float, float], tread_m: float, duration_s: float, people: int = 7
+) -> tuple[World, list[Scan]]:
     """The world and one sweep a beat."""
     laser = LaserGeometrySettings(body_from_laser=mount)
-    world = World(WorldSettings(seed=seed, drive=DriveSettings(tread_m=tread_m), laser=laser))
+    world = World(WorldSettings(seed=seed, people=people, drive=DriveSettings(tread_m=tread_m), laser=laser))
     bearings = uniform_bearings(laser.first_bearing_rad, laser.beam_spacing_rad, laser.beam_count)
     scans = []
     for seq in range(1, round(duration_s / BEAT_S)):
@@ -67,12 +69,17 @@ def sweeps(seed: int, mount: tuple[float, float, float], tread_m: float, duratio
 
 
 def seeded_facts(
-    folder: Path, seed: int, rover: Rover | None = None, fault: Fault | None = None, duration_s: float = 30.0
+    folder: Path,
+    seed: int,
+    rover: Rover | None = None,
+    fault: Fault | None = None,
+    duration_s: float = 30.0,
+    people: int = 7,
 ) -> RunFacts:
     """Write a run into `folder`, as a live one would be, and gather its facts."""
     rover = rover or Rover()
     rng = np.random.default_rng([seed, 99])
-    world, scans = sweeps(seed, rover.mount, rover.tread_m, duration_s)
+    world, scans = sweeps(seed, rover.mount, rover.tread_m, duration_s, people)
     drafts = _drafts(world, scans, rover, rng, duration_s)
     if fault is not None:
         drafts = fault(drafts, rng)

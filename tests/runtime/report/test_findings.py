@@ -1,3 +1,4 @@
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,10 +9,11 @@ from drivers.measurements import Event, Severity
 from runtime.report.finding import Finding
 from runtime.report.judge import judge, verdict
 from tests.runtime.calibrate.made_drives import Rover
+from tests.runtime.report.confusion import HEALTHY, grave, is_named, said, table_row
 from tests.runtime.report.seeded_runs import FAULTS, Draft, seeded_facts
 
 QUICK = ("laser_silent", "wheel_stuck", "storage_gap", "rate_low", "left_wheel_smaller")
-SEEDS = range(10, 20)
+SEEDS, HEALTHY_SEEDS = range(5010, 5020), range(4100, 4200)  # none of them was looked at while bounds were chosen
 
 
 def _found(folder: Path, name: str, seed: int) -> list[Finding]:
@@ -20,7 +22,7 @@ def _found(folder: Path, name: str, seed: int) -> list[Finding]:
 
 
 def _grave(findings: list[Finding]) -> set[str]:
-    return {finding.kind for finding in findings if finding.severity is not Severity.INFO}
+    return {finding.kind for finding in grave(findings)}
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -42,15 +44,19 @@ def test_a_hole_in_the_record_is_not_blamed_on_the_sensors(tmp_path: Path) -> No
 
 @pytest.mark.soak
 @pytest.mark.parametrize("name", FAULTS)
-def test_nine_of_ten_runs_with_a_fault_are_named_right(tmp_path: Path, name: str) -> None:
-    missed = [seed for seed in SEEDS if FAULTS[name][3] not in _grave(_found(tmp_path / str(seed), name, seed))]
-    assert len(missed) <= 0.1 * len(SEEDS), missed
+def test_nine_of_ten_runs_with_a_fault_are_named_right(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    runs = [said(name, seed) for seed in SEEDS]
+    with capsys.disabled():
+        sys.stdout.write("\n" + table_row(name, runs))
+    assert sum(is_named(name, run) for run in runs) >= 0.9 * len(runs), runs
 
 
 @pytest.mark.soak
-def test_95_of_100_healthy_runs_have_no_finding_above_info(tmp_path: Path) -> None:
-    told = {seed: _grave(judge(seeded_facts(tmp_path / str(seed), seed, Rover()))) for seed in range(100, 200)}
-    assert sum(map(bool, told.values())) <= 5, {seed: kinds for seed, kinds in told.items() if kinds}
+def test_95_of_100_healthy_runs_have_no_finding_above_info(capsys: pytest.CaptureFixture[str]) -> None:
+    runs = [said(HEALTHY, seed) for seed in HEALTHY_SEEDS]
+    with capsys.disabled():
+        sys.stdout.write("\n" + table_row(HEALTHY, runs))
+    assert sum(is_named(HEALTHY, run) for run in runs) >= 0.95 * len(runs), [run for run in runs if run.kinds]
 
 
 def test_what_happens_while_devices_come_up_is_no_finding(tmp_path: Path) -> None:
@@ -80,3 +86,9 @@ def test_holes_of_a_recording_of_others_are_no_fault_of_a_sensor(tmp_path: Path)
     found = {finding.kind: finding.severity for finding in judge(facts)}
     assert found["recording_without_scans"] is Severity.INFO
     assert "laser_silent" not in found
+
+
+@pytest.mark.parametrize("people", [0, 7])
+def test_people_are_told_where_there_are_some(tmp_path: Path, people: int) -> None:
+    kinds = {finding.kind for finding in judge(seeded_facts(tmp_path / "run", 6, duration_s=10.0, people=people))}
+    assert ("people" in kinds) == (people > 0)
