@@ -77,7 +77,7 @@ def scan_rows(outcomes: Outcomes, cell: Cell) -> list[Row]:
 
 
 def table1_rows(spreads: Sequence[Row]) -> list[Row]:
-    """Table I beside the paper's numbers; its unit of time is not given there."""
+    """Table I beside the paper's numbers, with the particles of the study; its unit of time is not given there."""
     printed = {("normal", "landmarks"): 627, ("proposed", "landmarks"): 213}
     printed |= {("normal", "filter_cpu_s"): 643, ("proposed", "filter_cpu_s"): 109}
     wanted = ("landmarks", "landmarks_in_view", "filter_cpu_s", "joint_cpu_s", "likelihoods")
@@ -85,4 +85,5 @@ def table1_rows(spreads: Sequence[Row]) -> list[Row]:
         {"paper": printed.get((row["arm"], row["quantity"]), ""), **row}
         for row in spreads
         if row["world"] in ("P", "V2") and row["arm"] in ("normal", "proposed") and row["quantity"] in wanted
+        and row["particles"] == ""
     ]

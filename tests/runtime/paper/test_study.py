@@ -9,7 +9,8 @@ from runtime.paper.feature_drive import feature_drive, feature_settings
 from runtime.paper.jobs import Job, run_jobs
 from runtime.paper.publish_study import reproduce
 from runtime.paper.spread import compare, spread
-from runtime.paper.study import Cell, Study, comparison_rows, run_study
+from runtime.paper.study import Cell, Study, comparison_rows, run_study, spread_rows
+from runtime.paper.tables import table1_rows
 
 STEPS = 110
 
@@ -116,6 +117,18 @@ def test_a_recording_that_runs_once_is_judged_by_the_seeds_that_leave_something_
         "mrclam_d6_r1, proposed, 5 % left out": (20, "holds"),
         "victoria_park, proposed, 10 particles": (20, "holds"),
     }
+
+
+def test_the_table_has_one_row_for_each_arm_whatever_else_ran_in_its_world() -> None:
+    outcomes = {
+        Cell("P", "proposed"): [{"landmarks": 170.0}],
+        Cell("P", "proposed", 100): [{"landmarks": 190.0}],
+        Cell("P", "normal"): [{"landmarks": 480.0}],
+    }
+    rows = table1_rows(spread_rows(outcomes))
+    assert [(row["arm"], row["mean"], row["paper"]) for row in rows] == [
+        ("proposed", 170.0, 213), ("normal", 480.0, 627),
+    ]  # fmt: skip
 
 
 def test_a_study_leaves_pictures_tables_and_a_page_with_every_claim_behind(tmp_path: Path) -> None:
