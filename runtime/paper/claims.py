@@ -48,10 +48,15 @@ def verdict_of_ratio(low: float, high: float, limit: float) -> Verdict:
 
 def ratio_claim(row: Row, paper: str, limit: float, what: str) -> Claim:
     """A claim "at most so many times", from one row of comparison."""
-    change = f"{what} changes by {100 * (row['ratio'] - 1):+.0f} % [{100 * (row['ratio_low'] - 1):+.0f}, "
-    change += f"{100 * (row['ratio_high'] - 1):+.0f}] over {row['seeds']} seeds"
+    change = f"{what} changes by {_percent(row['ratio'])} % [{_percent(row['ratio_low'])}, "
+    change += f"{_percent(row['ratio_high'])}] over {row['seeds']} seeds"
     verdict = verdict_of_ratio(row["ratio_low"], row["ratio_high"], limit)
     return Claim(row["world"], paper, change, verdict, row["seeds"])
+
+
+def _percent(ratio: float) -> str:
+    """Change in percent; -99.6 is not rounded to all."""
+    return f"{100 * (ratio - 1):+.{0 if ratio > 0.01 else 1}f}"
 
 
 def claims(outcomes: Outcomes, comparisons: Iterable[Row]) -> list[Claim]:
@@ -120,6 +125,7 @@ def _odometry_claims(outcomes: Outcomes) -> list[Claim]:
     for cell, results in outcomes.items():
         name = "aligned_trimmed_rms_m" if "odometry_aligned_trimmed_rms_m" in results[0] else "aligned_rms_m"
         twice = bool(cell.left_out) and replace(cell, left_out=0.0) in outcomes
+        twice |= bool(cell.particles) and outcomes.get(replace(cell, particles=None)) == results
         if cell.arm not in ("proposed", "ekf") or twice or cell.most_seeds or f"odometry_{name}" not in results[0]:
             continue
         ours, dead = column(results, f"particles_{name}"), column(results, f"odometry_{name}")

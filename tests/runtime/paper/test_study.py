@@ -90,7 +90,7 @@ def test_few_seeds_decide_nothing(tmp_path: Path) -> None:
 
 
 def test_a_claim_with_many_seeds_is_decided_beside_one_with_few() -> None:
-    many, few = [{"landmarks": 20.0, "likelihoods": 1.0}] * 6, [{"landmarks": 90.0, "likelihoods": 100.0}] * 6
+    many, few = [{"landmarks": 20.0, "likelihoods": 1.0}] * 6, [{"landmarks": 90.0, "likelihoods": 250.0}] * 6
     outcomes = {
         Cell("P", "proposed"): many, Cell("P", "normal"): few,
         Cell("V2", "proposed"): many, Cell("V2", "normal"): few[:5],
@@ -100,6 +100,7 @@ def test_a_claim_with_many_seeds_is_decided_beside_one_with_few() -> None:
         ("P", "627"): ("holds", 6), ("P", "no "): ("holds", 6),
         ("V2", "627"): ("undecided", 5), ("V2", "no "): ("undecided", 5),
     }  # fmt: skip
+    assert "-99.6 %" in found["P", "no "].here
     assert "fewer than 6 seeds" in found["V2", "627"].here
     assert "fewer than 6 seeds" not in found["P", "627"].here
 
