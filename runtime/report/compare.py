@@ -18,6 +18,7 @@ from runtime.report.plots import Line, map_plot, time_plot
 from runtime.run_folder import RunFolder
 
 ABSENT = "-"
+NAMES = ("first", "second")
 FIGURES = (
     ("duration", "s", ("duration_s",)),
     ("RMS error of the pose", "m", ("accuracy", "rms_m")),
@@ -68,13 +69,15 @@ def build_comparison(first: Path, second: Path, out: Path | None = None) -> dict
 
 def comparison_lines(result: dict[str, Any]) -> list[str]:
     """For a person at a terminal."""
-    lines = [f"{'':44s} {'first':>12s} {'second':>12s}"]
+    runs = zip(NAMES, result["runs"], result["verdicts"], strict=True)
+    lines = [f"{name:9s} {run}: {verdict}" for name, run, verdict in runs]
+    lines += [f"{'':44s} {NAMES[0]:>12s} {NAMES[1]:>12s}"]
     for row in result["figures"]:
         if any(value is not None for value in row["values"]):
             shown = (_shown(value) for value in row["values"])
             label = f"{row['name']}, {row['unit']}" if row["unit"] else row["name"]
             lines.append(f"{label:44s} " + " ".join(f"{value:>12s}" for value in shown))
-    for name, findings in zip(("first", "second"), result["findings"], strict=True):
+    for name, findings in zip(NAMES, result["findings"], strict=True):
         lines += [f"{name:9s} {title}" for title in findings]
     lines += [f"differs   {row['key']}: {row['values'][0]} | {row['values'][1]}" for row in result["configuration"]]
     return [*lines, f"page      {result['files']['html']}"]

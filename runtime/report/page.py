@@ -72,6 +72,7 @@ def tiles(figures: dict[str, Any]) -> list[tuple[str, str]]:
     """The figures that a reviewer looks at first; those that are not known are left out."""
     timing, accuracy, laser = figures["timing"], figures["accuracy"], figures["sensors"]["laser"]
     late = timing["lateness_ms"]
+    late = late if late and late["max"] > 0.0 else None  # a recording of others has no beats to be late for
     shown = [
         (f"{figures['duration_s']:.1f} s", "duration"),
         (f"{accuracy['rms_m']:.3f} m" if accuracy["rms_m"] is not None else "", "RMS error of the pose"),
@@ -80,7 +81,7 @@ def tiles(figures: dict[str, Any]) -> list[tuple[str, str]]:
             "RMS error of the wheels alone",
         ),
         (f"{timing['rate_hz']:.2f} Hz" if timing["rate_hz"] else "", "rate of the loop"),
-        (f"{timing['missed']} of {timing['ticks'] + timing['missed']}", "beats missed"),
+        (f"{timing['missed']} of {timing['ticks'] + timing['missed']}" if late else "", "beats missed"),
         (f"{late['p99']:.2f} ms" if late else "", "lateness, 99 %"),
         (f"{laser['samples']}", "scans"),
         (f"{figures['landmarks']['confirmed']}", "landmarks in the map"),

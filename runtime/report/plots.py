@@ -105,7 +105,10 @@ def map_plot(lines: Sequence[Line], label: str) -> str:
     (x0, x1), (y0, y1) = (_span([getattr(line, axis) for line in curves]) for axis in ("x", "y"))
     if len(curves) < len(drawn):
         margin = max(NEAR_LEAST_M, NEAR_SHARE * max(x1 - x0, y1 - y0))
-        x0, x1, y0, y1 = x0 - margin, x1 + margin, y0 - margin, y1 + margin
+        dots = [line for line in drawn if line.dots]
+        (u0, u1), (v0, v1) = (_span([getattr(line, axis) for line in dots]) for axis in ("x", "y"))
+        x0, x1 = min(x0, max(u0, x0 - margin)), max(x1, min(u1, x1 + margin))
+        y0, y1 = min(y0, max(v0, y0 - margin)), max(y1, min(v1, y1 + margin))
         drawn = [_within(line, (x0, x1), (y0, y1)) if line.dots else line for line in drawn]
     scale = (WIDTH - LEFT - RIGHT) / (x1 - x0)
     height = (y1 - y0) * scale + TOP + BOTTOM

@@ -12,6 +12,7 @@ LATE_MS = 20.0  # a fifth of a beat; a real-time thread stays under 1
 LATE_SHARE = 0.01
 SLOW_SHARE = 0.6  # of the beat for the filter; what else runs needs the rest
 SHORT_S = 5.0  # two of them are rest, for the heading of the map; from less nothing can be told
+NOTHING_S = 2.0  # the rover has not moved yet
 PATH_OF_LOOP = "loop.priority = 50, slam.particles fewer, or less other work on the host"
 
 
@@ -26,7 +27,7 @@ def _short(facts: RunFacts) -> list[Finding]:
     return [
         Finding(
             "short_run",
-            Severity.WARN,
+            Severity.ERROR if facts.duration_s < NOTHING_S else Severity.WARN,
             f"only {facts.duration_s:.1f} s were recorded: too little to judge the run by",
             (f"{facts.ticks.times_s.size} ticks; {SHORT_S:.0f} s are the least",),
             "it was stopped at once, or ended early",
