@@ -15,7 +15,7 @@ MOST_POINTS = 600  # more than a phone or a printer shows; every bin keeps its l
 BREAK_S, BREAK_STEPS = 0.5, 5.0  # a longer pause than both of these parts a curve
 TOP_OF_ROWS, ROW = 6.0, 31.0
 NEAR_SHARE, NEAR_LEAST_M = 0.75, 5.0  # landmarks are drawn so far around the way; most lie far outside it
-WIDTH, LEFT, RIGHT, TOP, BOTTOM = 640.0, 52.0, 10.0, 26.0, 38.0
+WIDTH, LEFT, RIGHT, TOP, BOTTOM = 640.0, 66.0, 20.0, 28.0, 40.0  # room for five digits at the size of a phone
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,7 +18,9 @@ CHROMIUM = shutil.which("chromium")
 FRAME = (  # a window of its own cannot be narrower than 500 px
     "<!doctype html><body style='margin:0'><iframe style='border:0;width:{width}px;height:2000px' srcdoc=\"{page}\" "
     "onload=\"const d=this.contentDocument;document.body.dataset.seen=d.documentElement.scrollWidth+' '+"
-    "this.contentWindow.innerWidth+' '+this.contentWindow.performance.getEntriesByType('resource').length\"></iframe>"
+    "this.contentWindow.innerWidth+' '+this.contentWindow.performance.getEntriesByType('resource').length+' '+"
+    "[...d.querySelectorAll('svg text')].filter(t=>{{const b=t.getBBox(),v=t.ownerSVGElement.viewBox.baseVal;"
+    "return b.x<-1||b.y<-1||b.x+b.width>v.width+1||b.y+b.height>v.height+1}}).length\"></iframe>"
 )
 
 
@@ -94,12 +96,13 @@ def test_the_page_fits_a_phone_and_a_desk_in_a_real_browser(run: Path, tmp_path:
     dom = subprocess.run(
         [*command, "--dump-dom", outer.as_uri()], capture_output=True, text=True, timeout=120, check=True
     ).stdout
-    measured = re.search(r'data-seen="(\d+) (\d+) (\d+)"', dom)
+    measured = re.search(r'data-seen="(\d+) (\d+) (\d+) (\d+)"', dom)
     assert measured is not None
-    scroll_px, inner_px, resources = map(int, measured.groups())
+    scroll_px, inner_px, resources, cut_off = map(int, measured.groups())
     assert inner_px == width
     assert scroll_px <= width
     assert resources == 0
+    assert cut_off == 0  # words that reach out of their drawing
     picture = tmp_path / "page.png"
     subprocess.run([*command, f"--screenshot={picture}", outer.as_uri()], capture_output=True, timeout=120, check=True)
     assert picture.stat().st_size > 20_000
