@@ -1,5 +1,6 @@
 """What a review says about a run: one finding with its evidence, its likely cause and what to change."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from drivers.measurements import Severity
 
 Interval = tuple[float, float]
+SHORT_S = 10.0  # below it a span shows tenths of a second
 RANKS = {Severity.INFO: 0, Severity.WARN: 1, Severity.ERROR: 2}
 
 
@@ -40,10 +42,12 @@ def worst(findings: Sequence[Finding]) -> Severity:
 
 
 def span_text(interval: Interval) -> str:
-    """12.1-13.4 s, or 03:10-04:20 from the second minute on."""
+    """12.1-13.4 s, or 03:10-04:20 from the second minute on, with tenths where it is short."""
     start, end = interval
     if end < 120.0:
         return f"{start:.1f}-{end:.1f} s"
+    if end - start < SHORT_S:
+        return f"{_clock(start, tenths=True)}-{_clock(end, tenths=True)}"
     return f"{_clock(start)}-{_clock(end)}"
 
 
@@ -72,5 +76,7 @@ def silences(times_s: NDArray[np.float64], until_s: float, least_s: float) -> tu
     return tuple((float(edges[i]), float(edges[i + 1])) for i in np.flatnonzero(np.diff(edges) >= least_s))
 
 
-def _clock(seconds: float) -> str:
-    return f"{int(seconds) // 60:02d}:{int(seconds) % 60:02d}"
+def _clock(seconds: float, tenths: bool = False) -> str:
+    tenth = math.floor(seconds * 10.0 + 0.5) if tenths else math.floor(seconds) * 10
+    text = f"{tenth // 600:02d}:{tenth // 10 % 60:02d}"
+    return f"{text}.{tenth % 10}" if tenths else text

@@ -40,6 +40,8 @@ def _quality(facts: RunFacts) -> list[Finding]:
             continue
         inside = holds & np.isfinite(ticks.position_sd_m)
         cause, remedy = _doubt(facts, holds, intervals)
+        if facts.imported and _blind(facts, intervals):  # a hole of the recording is no fault of the rover
+            severity = Severity.WARN if word == "lost" else Severity.INFO
         findings.append(
             Finding(
                 f"pose_{word}",
@@ -60,9 +62,11 @@ def _quality(facts: RunFacts) -> list[Finding]:
 def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval, ...]) -> tuple[str, str]:
     """Cause and remedy by which bound of slam.quality was passed for most of the time."""
     quality, ticks = facts.configuration.slam.quality, facts.ticks
-    scanless = silences(facts.scans.times_s, facts.duration_s, BLIND_SCANS_S)
-    blind = [any(a <= end and b >= start for a, b in scanless) for start, end in intervals]
-    if 2 * sum(blind) >= len(blind):
+    if _blind(facts, intervals):
+        if not facts.scans.are_sweeps:
+            return "no landmark was sighted meanwhile", "landmarks along the course; the pose is dead reckoning without"
+        if facts.imported:
+            return "the recording holds no scans then", "nothing: the pose is dead reckoning there"
         return "no scans came", "see why there were no scans"
     if np.median(ticks.apart_m[holds]) > quality.uncertain_gap_m:
         return (
@@ -76,6 +80,13 @@ def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval,
             "set the rover down where the map is known; see what happened when it began",
         )
     return "too few landmarks in view, or matches that contradict", "slam.particles more; landmarks along the course"
+
+
+def _blind(facts: RunFacts, intervals: tuple[Interval, ...]) -> bool:
+    """Whether most of them fall together with a time without scans."""
+    scanless = silences(facts.scans.times_s, facts.duration_s, BLIND_SCANS_S)
+    blind = [any(a <= end and b >= start for a, b in scanless) for start, end in intervals]
+    return 2 * sum(blind) >= len(blind)
 
 
 def _jumps(facts: RunFacts) -> list[Finding]:

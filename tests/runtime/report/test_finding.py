@@ -31,6 +31,7 @@ def test_intervals_hold_every_moment_and_lie_apart(times_s: np.ndarray, joined_s
 def test_times_read_as_seconds_and_later_as_minutes() -> None:
     assert span_text((12.06, 13.4)) == "12.1-13.4 s"
     assert span_text((190.0, 260.0)) == "03:10-04:20"
+    assert span_text((193.24, 193.96)) == "03:13.2-03:14.0"
 
 
 def test_the_gravest_finding_decides() -> None:
