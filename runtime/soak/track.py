@@ -19,6 +19,8 @@ from slam.pose import Pose2
 
 DESCRIPTORS, THREADS = Path("/proc/self/fd"), Path("/proc/self/task")
 GARBAGE_BEATS = 5  # before the end: one of the last beats may be missed
+LOOK_BEATS = 10
+OTHERS_S = 0.09  # a tick of some milliseconds that misses a beat of 100 ms was kept waiting so long, if by others
 SETTLED_SHARE = 0.1  # of the drive; by then every buffer has been filled once
 
 
@@ -43,11 +45,14 @@ class ProcessTrack:
     """Sink that takes a sample every `every_s` of driving.
 
     drawing: its process is looked at too. garbage: objects at the end of the drive that only the collector could free,
-    which the loop has switched off; None where the drive ended early. last_seq: number of the last beat.
+    which the loop has switched off; None where the drive ended early. missed_by_itself: beats that were missed though
+    the threads of the process had a processor whenever they could work. last_seq: number of the last beat.
     """
 
     def __init__(self, every_s: float, last_seq: int) -> None:
         self.garbage: int | None = None
+        self.missed_by_itself = 0
+        self._waited_s = kept_waiting_s()
         self._last_seq = last_seq
         self.samples: list[Sample] = []
         self.drawing: ReviewProcess | None = None
@@ -58,13 +63,17 @@ class ProcessTrack:
         self,
         tick: Tick,
         estimate: Estimate,
-        timing: Timing,  # noqa: ARG002
+        timing: Timing,
         state_hash: bytes,  # noqa: ARG002
         truth: Pose2 | None,  # noqa: ARG002
     ) -> None:
         """One tick."""
         if self._first_ns < 0:
             self._first_ns = self._next_ns = tick.stamp_ns
+        if timing.missed or tick.seq % LOOK_BEATS == 0:
+            before_s, self._waited_s = self._waited_s, kept_waiting_s()
+            if self._waited_s - before_s < OTHERS_S * timing.missed:
+                self.missed_by_itself += timing.missed
         ends = self.garbage is None and tick.seq > self._last_seq - GARBAGE_BEATS
         if ends:
             self.garbage = gc.collect()

@@ -17,7 +17,6 @@ from runtime.soak.soak import GROWTH_MAX_MB, process_figures
 from runtime.soak.sweeps import SweepsAhead
 from runtime.soak.track import Sample, fitted_growth, heap_mb
 
-BEAT_S = 0.09  # a tick of 5 ms that misses a beat was kept waiting for the rest of 100 ms
 SECOND_NS = 1_000_000_000
 ROOT = Path(__file__).parents[2]
 
@@ -119,6 +118,7 @@ def check_counts(measured: dict[str, Any]) -> None:
     assert measured["left_open"] == {}
     assert measured["descriptors_grown"] == 0
     assert measured["threads_grown"] <= 0
+    assert measured["missed_by_itself"] == 0  # what other programs on this computer take is not the loop's doing
     assert measured["garbage"] == 0  # the loop switches the collector off: a cycle would stay
     assert measured["damages"] == measured["gaps"] == []
     assert {name: sink["dropped"] for name, sink in measured["sinks"].items()} == dict.fromkeys(measured["sinks"], 0)
@@ -132,7 +132,6 @@ def test_a_minute_of_driving_leaves_nothing_open_and_replays_to_the_last_bit(tmp
     check_counts(measured)
     summary = measured["summary"]
     assert summary["ticks"] + summary["missed"] == 720
-    assert BEAT_S * summary["missed"] <= measured["kept_waiting_s"]  # none but for what other programs took
     assert measured["segments"] == {"closed": 4, "removed": 0, "left": 4}
     assert measured["verified_ticks"] == summary["ticks"]
     assert measured["replayed"] == {"whole": True, "ticks": summary["ticks"], "identical": True}
@@ -145,8 +144,7 @@ def test_five_hours_of_driving_leave_nothing_behind(tmp_path: Path) -> None:
     samples_kept = measured.pop("samples")
     sys.stdout.write(f"\n{json.dumps(measured)}\n{len(samples_kept)} samples\n")
     check_counts(measured)
-    assert measured["summary"]["ticks"] == 180_000
-    assert measured["summary"]["missed"] == 0
+    assert measured["summary"]["ticks"] + measured["summary"]["missed"] == 180_000
     assert max(measured["growth_mb"].values()) < GROWTH_MAX_MB
     assert measured["segments"]["removed"] > 0
     assert measured["replayed"]["ticks"] > 0
