@@ -65,7 +65,7 @@ def rate(
 def soak(
     config: Annotated[Path, typer.Option("--config", help="what to run; a simulated rover")] = Path("config/mock.toml"),
     minutes: Annotated[
-        float, typer.Option(min=0.05, max=1440.0, help="how long it takes where the computer keeps up")
+        float, typer.Option(min=0.01, max=1440.0, help="how long it takes where the computer keeps up")
     ] = 30.0,
     speed: Annotated[float, typer.Option(min=0.5, max=100.0, help="times faster than life, at most")] = 10.0,
     out: Annotated[Path | None, typer.Option("--out", help="folder that keeps the run; absent: none is kept")] = None,
