@@ -24,7 +24,7 @@ break-inside:avoid}
 .finding.warn .mark{color:var(--warn)}.finding.error .mark{color:var(--error)}
 .finding dl{display:grid;grid-template-columns:5.2rem 1fr;gap:.1rem .6rem;margin:.3rem 0 0;font-size:.92rem}
 dt{color:var(--quiet)}dd{margin:0}code{font-family:ui-monospace,"DejaVu Sans Mono",monospace;font-size:.88em}
-.pair{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,26rem),1fr));gap:.4rem 1.6rem}
+.pair{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,26rem),1fr));gap:.4rem 1.6rem}
 .pair>div{min-width:0;break-inside:avoid}
 svg{width:100%;height:auto;display:block}svg text{fill:var(--quiet);font-size:13px}
 .grid{stroke:var(--line);stroke-width:1;fill:none}.curve{fill:none;stroke-width:1.8;stroke-linejoin:round}
