@@ -16,6 +16,7 @@ FOLLOWERS = {  # kind that follows: kinds that may be its cause, and whether the
     "pose_jumps": (SENSORS, True),
     "no_landmarks": (SENSORS, True),
     "worse_than_odometry": ((*SENSORS, "pose_"), False),
+    "overconfident": ((*SENSORS, "pose_", "worse_"), False),
 }
 
 

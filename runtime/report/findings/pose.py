@@ -17,11 +17,13 @@ PEOPLE_SHARE = 0.05  # of the returns; an empty park stays below 0.04 (two world
 PEOPLE_S = 1.0
 WORSE_FACTOR = 2.0
 WORSE_M = 0.2
+BELIEVED_SIGMAS = 5.0  # a pose whose error is this many times what it says of itself
+BELIEVED_M = 0.3  # smaller errors may be those of the truth
 
 
 def pose_findings(facts: RunFacts) -> list[Finding]:
     """All of them."""
-    return [*_quality(facts), *_jumps(facts), *_unmatched(facts), *_people(facts), *_accuracy(facts)]
+    return [*_quality(facts), *_jumps(facts), *_unmatched(facts), *_people(facts), *_accuracy(facts), *_belief(facts)]
 
 
 def _quality(facts: RunFacts) -> list[Finding]:
@@ -174,5 +176,26 @@ def _accuracy(facts: RunFacts) -> list[Finding]:
             (f"truth: {facts.accuracy['truth']}",),
             "wrong matches, or a wrong mount of the laser",
             "slam.mount; slam.particles more",
+        )
+    ]
+
+
+def _belief(facts: RunFacts) -> list[Finding]:
+    """The error against the standard deviation that was published while the pose was believed."""
+    error_m = facts.accuracy.get("trimmed_rms_m", facts.accuracy.get("rms_m"))
+    believed = (facts.ticks.quality == QUALITIES.index("tracking")) & np.isfinite(facts.ticks.position_sd_m)
+    if error_m is None or not believed.any():
+        return []
+    claimed_m = float(np.sqrt(np.mean(facts.ticks.position_sd_m[believed] ** 2)))
+    if error_m < max(BELIEVED_M, BELIEVED_SIGMAS * claimed_m):
+        return []
+    return [
+        Finding(
+            "overconfident",
+            Severity.WARN,
+            f"the pose is {error_m:.2f} m off (RMS) and says {claimed_m:.2f} m of itself",
+            (f"truth: {facts.accuracy['truth']}", f"{error_m / max(claimed_m, 1e-9):.0f} standard deviations"),
+            "a wrong match that nothing has contradicted since, or noise that is configured too small",
+            "slam.front_end: larger floors of sigma; slam.odometry: more noise; see where the error begins",
         )
     ]

@@ -93,3 +93,12 @@ def test_holes_of_a_recording_of_others_are_no_fault_of_a_sensor(tmp_path: Path)
 def test_people_are_told_where_there_are_some(tmp_path: Path, people: int) -> None:
     kinds = {finding.kind for finding in judge(seeded_facts(tmp_path / "run", 6, duration_s=10.0, people=people))}
     assert ("people" in kinds) == (people > 0)
+
+
+def test_a_pose_that_is_far_off_and_says_it_is_not_is_called_overconfident(tmp_path: Path) -> None:
+    facts = seeded_facts(tmp_path / "run", 3, duration_s=8.0)
+    assert "overconfident" not in {finding.kind for finding in judge(facts)}
+    off = replace(facts, accuracy={**facts.accuracy, "rms_m": 1.2, "trimmed_rms_m": 1.2, "odometry_rms_m": 5.0})
+    assert "overconfident" in _grave(judge(off))
+    told = replace(off, ticks=replace(facts.ticks, position_sd_m=np.full_like(facts.ticks.position_sd_m, 0.5)))
+    assert "overconfident" not in _grave(judge(told))
