@@ -4,6 +4,7 @@ Counts messages by key until standard input ends, then prints them as one JSON o
 """
 
 import json
+import select
 import subprocess
 import sys
 from collections import Counter
@@ -13,7 +14,7 @@ import zenoh
 
 from runtime.zenoh_session import tool_config
 
-STOP_S = 15.0
+START_S = STOP_S = 15.0
 
 
 class Listener:
@@ -27,6 +28,12 @@ class Listener:
             text=True,
         )
 
+    def await_subscribed(self) -> None:
+        """Wait until it listens, at most 15 s: what comes late would look like a descriptor that leaked."""
+        assert self._child.stdout is not None
+        if select.select([self._child.stdout], [], [], START_S)[0]:
+            self._child.stdout.readline()
+
     def heard(self) -> dict[str, int]:
         """End it; messages by key, {} where it did not end well."""
         try:
@@ -35,7 +42,8 @@ class Listener:
             self._child.kill()
             self._child.communicate()
             return {}
-        counted: dict[str, int] = json.loads(said) if said.strip() else {}
+        lines = said.splitlines()
+        counted: dict[str, int] = json.loads(lines[-1]) if lines and lines[-1].startswith("{") else {}
         return counted
 
 
@@ -50,6 +58,8 @@ def listen(endpoint: str) -> None:
 
     with zenoh.open(config) as session:
         subscriber = session.declare_subscriber("infant/**", count)
+        sys.stdout.write("listening\n")
+        sys.stdout.flush()
         sys.stdin.read()
         subscriber.undeclare()  # type: ignore[no-untyped-call]
     with suppress(BrokenPipeError):  # whoever asked is gone

