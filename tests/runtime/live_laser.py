@@ -120,7 +120,7 @@ def live_run(path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LiveRun]:
     thread = threading.Thread(target=runtime.live.drive, args=arguments)
     thread.start()
     try:
-        assert wired.wait(120.0), "the run was not wired"
+        assert wired.wait(240.0), "the run was not wired"  # kernels may compile first
         run = LiveRun(rover, found[0], folder, thread)
         run.await_more("scans", 1, 60.0)
         rover.drive(time.monotonic_ns())
