@@ -167,6 +167,7 @@ def bus_goes_and_comes() -> None:
     pid = main_pid()
     shell("ip link del vcan0")
     lost_s = until(lambda: says("encoders failed: CAN bus"), 20.0)
+    until(lambda: says("ip link add"), 20.0)  # it is down for a moment before it is gone
     said = shown("StatusText")
     time.sleep(3.0)
     shell("ip link add vcan0 type vcan && ip link set vcan0 up")
