@@ -27,7 +27,7 @@ from slam.pose import Pose2
 
 FRAME = struct.Struct("<HqI")  # bytes of the topic, stamp ns, bytes of the data
 WRITE_S = 2.0
-DRAW_S = 5.0
+DRAW_S = 10.0
 RENEW_S = 20.0
 NICENESS = 10
 RENEW_MB = 400.0  # the library holds on to 3.7 MB for each minute that it draws; a new child begins with 230
@@ -88,7 +88,7 @@ class ReviewProcess:
         return self._child.pid
 
     def close(self) -> None:
-        """Let the child finish its file; at most 7 s, after which it is ended and the file lacks its last second."""
+        """Let the child finish its file; at most 12 s, after which it is ended and the file lacks its last second."""
         self._queue.put(None)
         self._thread.join(WRITE_S + (RENEW_S if self._renewing else 0.0))
         try:
