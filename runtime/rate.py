@@ -89,7 +89,7 @@ def rate_lines(measured: dict[str, Any]) -> list[str]:
     lines += [f"{name:14s} {value:>12s}  must {must:18s} {'ok' if ok else 'NOT MET'}" for name, value, must, ok in rows]
     if not asked:
         lines.append(f"missed {measured['missed']} beats, {measured['rate_hz']:.4f} Hz kept")
-        lines.append(f"wake-up p99 {late['p99']:.2f} ms, max {late['max']:.2f} ms")
+        lines.append(f"wake-up p99 {late['p99']:.2f} ms, max {late['max']:.2f} ms; overhead p99 {overhead:.2f} ms")
     return lines + [
         f"  {name:20s} p50 {took['p50']:8.3f}  p99 {took['p99']:8.3f}  max {took['max']:8.3f} ms"
         for name, took in measured["stages_ms"].items()

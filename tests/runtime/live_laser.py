@@ -13,12 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pytest
-
-import runtime.live
 from drivers.measurements import Event, SensorHealth
-from runtime.clock import MonotonicClock
+from runtime.clock import Clock, MonotonicClock
 from runtime.config import Configuration, load_configuration_text
+from runtime.live import drive
 from runtime.notify import ServiceManager
 from runtime.run_folder import RunFolder
 from runtime.run_reader import RecordedTick, RunReader
@@ -96,7 +94,7 @@ class LiveRun:
 
 
 @contextmanager
-def live_run(path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LiveRun]:
+def live_run(path: Path) -> Iterator[LiveRun]:
     """`infant run` in a thread, driving since its first scan; ended and recorded when the block ends."""
     base = load_configuration_text(CONFIGURATION)
     assert base.simulation is not None
@@ -109,15 +107,14 @@ def live_run(path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LiveRun]:
     found: list[Parts] = []
     wired = threading.Event()
 
-    def wire(configuration: Configuration, folder: RunFolder, clock: MonotonicClock) -> Parts:
+    def wire(configuration: Configuration, folder: RunFolder, clock: Clock) -> Parts:
         found.append(live_parts(configuration, folder, clock))
         wired.set()
         return found[0]
 
-    monkeypatch.setattr(runtime.live, "live_parts", wire)
     stop, folder = threading.Event(), RunFolder.create(path, path.parent)
-    arguments = (configuration, folder, MonotonicClock(), stop, None, io.StringIO(), ServiceManager(""))
-    thread = threading.Thread(target=runtime.live.drive, args=arguments)
+    arguments = (configuration, folder, MonotonicClock(), stop, None, io.StringIO(), ServiceManager(""), wire)
+    thread = threading.Thread(target=drive, args=arguments)
     thread.start()
     try:
         assert wired.wait(240.0), "the run was not wired"  # kernels may compile first

@@ -56,11 +56,9 @@ def test_every_kind_of_fault_is_tried_in_the_loop() -> None:
     assert {fault["kind"] for fault, _, _ in FAULTS.values()} == {str(kind) for kind in FaultKind}
 
 
-def test_faults_do_not_stop_the_loop_and_stand_in_its_record(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_faults_do_not_stop_the_loop_and_stand_in_its_record(tmp_path: Path) -> None:
     strikes = ("bad_checksum", "power_cycle", "status_0L", "bad_checksum")
-    with live_run(tmp_path / "run", monkeypatch) as run:
+    with live_run(tmp_path / "run") as run:
         for name in strikes:
             run.strike(*FAULTS[name])
         run.await_more("scans", 3, 20.0)
@@ -74,10 +72,8 @@ def silences(ticks: list[RecordedTick]) -> list[list[RecordedTick]]:
     return [ticks[first:last] for first, last in pairwise(having) if last - first > 4]
 
 
-def test_a_second_of_silence_is_stale_within_half_a_second_and_the_pose_goes_on_from_odometry(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with live_run(tmp_path / "run", monkeypatch) as run:
+def test_a_second_of_silence_is_stale_within_half_a_second_and_the_pose_goes_on_from_odometry(tmp_path: Path) -> None:
+    with live_run(tmp_path / "run") as run:
         run.await_more("scans", 25, 30.0)  # the rover rests for two seconds, then it drives
         for _ in range(2):
             run.strike(*FAULTS["silence"])
@@ -108,9 +104,9 @@ def test_a_second_of_silence_is_stale_within_half_a_second_and_the_pose_goes_on_
 @pytest.mark.soak
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("name", FAULTS)
-def test_a_hundred_of_a_fault_do_not_stop_the_loop(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hundred_of_a_fault_do_not_stop_the_loop(name: str, tmp_path: Path) -> None:
     fault, counter, over_s = FAULTS[name]
-    with live_run(tmp_path / "run", monkeypatch) as run:
+    with live_run(tmp_path / "run") as run:
         recoveries = [run.strike(fault, counter, over_s) for _ in range(100)]
         run.await_more("scans", 12, 20.0)
         counted = run.count(counter)

@@ -118,7 +118,6 @@ def check_counts(measured: dict[str, Any]) -> None:
     assert measured["left_open"] == {}
     assert measured["descriptors_grown"] == 0
     assert measured["threads_grown"] <= 0
-    assert measured["missed_by_itself"] == 0  # what other programs on this computer take is not the loop's doing
     assert measured["garbage"] == 0  # the loop switches the collector off: a cycle would stay
     assert measured["damages"] == measured["gaps"] == []
     assert {name: sink["dropped"] for name, sink in measured["sinks"].items()} == dict.fromkeys(measured["sinks"], 0)
@@ -147,6 +146,7 @@ def test_five_hours_of_driving_leave_nothing_behind(tmp_path: Path) -> None:
     sys.stdout.write(f"\n{json.dumps(measured)}\n{len(samples_kept)} samples\n")
     check_counts(measured)
     assert measured["summary"]["ticks"] + measured["summary"]["missed"] == 180_000
+    assert measured["missed_by_itself"] == 0  # what other programs on this computer take is not the loop's doing
     assert max(measured["growth_mb"].values()) < GROWTH_MAX_MB
     assert measured["heard"]["infant/mock/pose"] > 0.9 * measured["summary"]["ticks"]
     assert measured["segments"]["removed"] > 0

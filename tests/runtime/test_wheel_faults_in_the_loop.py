@@ -85,10 +85,8 @@ def await_count(run: LiveRun, counters: tuple[str, ...], counted: int, end_s: fl
     return True
 
 
-def test_faults_of_the_wheels_alone_and_with_the_lasers_are_states_and_never_the_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with live_run(tmp_path / "run", monkeypatch) as run:
+def test_faults_of_the_wheels_alone_and_with_the_lasers_are_states_and_never_the_end(tmp_path: Path) -> None:
+    with live_run(tmp_path / "run") as run:
         strike(run, "silence")
         strike(run, "bad_crc")
         run.rover.inject("laser", {"kind": "silence", "duration_s": 1.0})
@@ -105,9 +103,9 @@ def test_faults_of_the_wheels_alone_and_with_the_lasers_are_states_and_never_the
 
 @pytest.mark.soak
 @pytest.mark.timeout(3600)
-def test_every_fault_of_the_wheels_ten_times_in_one_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_fault_of_the_wheels_ten_times_in_one_run(tmp_path: Path) -> None:
     slowest_s: dict[str, float] = {}
-    with live_run(tmp_path / "run", monkeypatch) as run:
+    with live_run(tmp_path / "run") as run:
         for name in FAULTS:
             slowest_s[name] = max(strike(run, name) for _ in range(10))
     ticks = recorded(run.folder)
