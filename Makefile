@@ -20,6 +20,7 @@ test: $(VENV)/.installed-dev lint types
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
+	$(BIN)/ruff format --check --quiet .
 
 types: $(VENV)/.installed-dev
 	$(BIN)/mypy

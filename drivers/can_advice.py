@@ -69,11 +69,7 @@ def bitrate_advice(bus: BusSettings) -> str:
 
 def bus_off_advice(bus: BusSettings) -> str:
     """For a controller that has switched itself off."""
-    restart = (
-        f"sudo ip link set {bus.channel} type can restart-ms 100"
-        if bus.interface == "socketcan"
-        else "replug it"
-    )
+    restart = f"sudo ip link set {bus.channel} type can restart-ms 100" if bus.interface == "socketcan" else "replug it"
     where = f"CAN bus {bus.interface} {bus.channel}"
     return f"{where}: bus-off after too many errors; if it does not restart by itself: {restart}"
 

@@ -27,9 +27,7 @@ class LoopbackSocket(GeneralPurposeUdpMulticastBus):
             sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, interface)
             sock.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, struct.pack("@I", 0))
             sock.bind((self.group, self.port))
-            sock.setsockopt(
-                socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(self.group) + interface
-            )
+            sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(self.group) + interface)
         except OSError as error:
             sock.close()
             text = f"multicast group {self.group} on {LOOPBACK}: {error.strerror}"
@@ -40,9 +38,7 @@ class LoopbackSocket(GeneralPurposeUdpMulticastBus):
 class LoopbackBus(UdpMulticastBus):
     """UdpMulticastBus of one machine; other processes on it may use python-can's own with hop_limit 0."""
 
-    def __init__(
-        self, channel: str, port: int, can_filters: can.typechecking.CanFilters | None = None
-    ) -> None:
+    def __init__(self, channel: str, port: int, can_filters: can.typechecking.CanFilters | None = None) -> None:
         can.BusABC.__init__(self, channel, can_filters)
         self._multicast = LoopbackSocket(channel, port, 0)
         self._can_protocol = can.CanProtocol.CAN_FD

@@ -40,11 +40,7 @@ def cia406_frames(layout: Cia406Layout, settings: EncoderSettings) -> WheelFrame
         routes[EMERGENCY + node] = Route((wheel,), False, 8, _emergency(wheel))
     chosen = {Wheel.LEFT: settings.left.modulus, Wheel.RIGHT: settings.right.modulus}
     modulus = {wheel: chosen[wheel] or total_range or frames.modulus[wheel] for wheel in nodes}
-    start = (
-        tuple(CanFrame(0, 0, bytes((NMT_START, node))) for node in nodes.values())
-        if layout.start_nodes
-        else ()
-    )
+    start = tuple(CanFrame(0, 0, bytes((NMT_START, node))) for node in nodes.values()) if layout.start_nodes else ()
     return WheelFrames(routes, modulus, frames.alive_modulus, True, start)
 
 
@@ -61,9 +57,7 @@ def read_eds(path: Path, node: int) -> Any:
     try:
         return canopen.import_od(str(path), node)
     except (ValueError, KeyError, UnicodeDecodeError, canopen.ObjectDictionaryError) as error:
-        raise DriverError(
-            f"{path}: not an EDS that can be used ({error}); mend the file or name another"
-        ) from error
+        raise DriverError(f"{path}: not an EDS that can be used ({error}); mend the file or name another") from error
 
 
 def mapped_message(dictionary: Any, tpdo: int, wheel: Wheel, path: Path) -> MessageSettings:
@@ -81,17 +75,11 @@ def mapped_message(dictionary: Any, tpdo: int, wheel: Wheel, path: Path) -> Mess
         index, bits = entry >> 16, entry & 0xFF
         signed = _data_type(dictionary, index, entry >> 8 & 0xFF) in SIGNED_TYPES
         name = "position" if index == POSITION else f"object_{index:04X}_{place}"
-        signals.append(
-            SignalSettings(name=name, start=bit, length=bits, type="signed" if signed else "unsigned")
-        )
+        signals.append(SignalSettings(name=name, start=bit, length=bits, type="signed" if signed else "unsigned"))
         bit += bits
     if not any(signal.name == "position" for signal in signals):
-        raise DriverError(
-            f"{path}: TPDO{tpdo} does not map the position 6004h; set layout.tpdo to the one that does"
-        )
-    return MessageSettings(
-        name=wheel.value, frame_id=identifier & 0x7FF, length=(bit + 7) // 8, signals=tuple(signals)
-    )
+        raise DriverError(f"{path}: TPDO{tpdo} does not map the position 6004h; set layout.tpdo to the one that does")
+    return MessageSettings(name=wheel.value, frame_id=identifier & 0x7FF, length=(bit + 7) // 8, signals=tuple(signals))
 
 
 def _heartbeat(wheel: Wheel) -> Decoder:
@@ -118,4 +106,3 @@ def _default(dictionary: Any, index: int, absent: int) -> int:
 def _data_type(dictionary: Any, index: int, sub: int) -> int:
     entry = dictionary[index]
     return int(entry[sub].data_type if hasattr(entry, "subindices") else entry.data_type)
-

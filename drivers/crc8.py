@@ -11,9 +11,7 @@ def crc8_table(polynomial: int) -> bytes:
     for value in range(256):
         remainder = value
         for _ in range(8):
-            remainder = (
-                ((remainder << 1) ^ polynomial) & 0xFF if remainder & 0x80 else (remainder << 1) & 0xFF
-            )
+            remainder = ((remainder << 1) ^ polynomial) & 0xFF if remainder & 0x80 else (remainder << 1) & 0xFF
         table[value] = remainder
     return bytes(table)
 

@@ -97,9 +97,7 @@ class CanEncoders:
             }
             ages = {}
             for wheel in (self._pair.left, self._pair.right):
-                counters |= {
-                    f"{wheel.wheel}.{name}": count for name, count in wheel.counters.items() if count
-                }
+                counters |= {f"{wheel.wheel}.{name}": count for name, count in wheel.counters.items() if count}
                 age_ns = wheel.age_ns(now_ns)
                 if age_ns is not None:
                     ages[f"{wheel.wheel}_age_s"] = age_ns * 1e-9
@@ -178,9 +176,7 @@ class CanEncoders:
                 bus.close()
             wait_s = bus_settings.backoff_min_s if heard else min(2.0 * wait_s, bus_settings.backoff_max_s)
             # an idle bus is not opened again twice a second for ever
-            silence_s = (
-                bus_settings.silence_s if heard else min(2.0 * silence_s, 8.0 * bus_settings.silence_s)
-            )
+            silence_s = bus_settings.silence_s if heard else min(2.0 * silence_s, 8.0 * bus_settings.silence_s)
             self._stop.wait(wait_s)
 
     def _read(self, bus: CanBus, silence_s: float) -> bool:
@@ -195,9 +191,7 @@ class CanEncoders:
             except BusReadError as error:
                 errors += 1
                 self._note_link("read", str(error))
-                if error.number != errno.ENETDOWN and (
-                    error.number is not None or errors >= ERRORS_BEFORE_REOPENING
-                ):
+                if error.number != errno.ENETDOWN and (error.number is not None or errors >= ERRORS_BEFORE_REOPENING):
                     return heard
                 self._stop.wait(WAIT_S)  # the same socket works again when the interface is up
                 continue

@@ -17,9 +17,7 @@ class EventLog:
         self._last_ns: dict[str, int] = {}
         self._withheld: dict[str, int] = {}
 
-    def add(
-        self, stamp_ns: int, kind: str, reason: str, severity: Severity = Severity.WARN, key: str = ""
-    ) -> None:
+    def add(self, stamp_ns: int, kind: str, reason: str, severity: Severity = Severity.WARN, key: str = "") -> None:
         """Note an event. key: what is rate-limited, the kind where empty."""
         key = key or kind
         last_ns = self._last_ns.get(key)

@@ -53,9 +53,7 @@ class LaserJournal:
         """Add to a counter without an event."""
         self.counters[counter] += 1
 
-    def note(
-        self, stamp_ns: int, kind: str, reason: str, severity: Severity = Severity.INFO, amount: int = 1
-    ) -> None:
+    def note(self, stamp_ns: int, kind: str, reason: str, severity: Severity = Severity.INFO, amount: int = 1) -> None:
         """Count `kind` and tell of it; the same kind again within a second is only counted."""
         self.counters[kind] += amount
         if severity is not Severity.INFO:

@@ -32,9 +32,7 @@ class LaserSettings(BaseModel):
     angle_min_deg: float | None = Field(
         None, ge=-180.0, le=180.0, description="first bearing, counter-clockwise from the front; absent: all there are"
     )
-    angle_max_deg: float | None = Field(
-        None, ge=-180.0, le=180.0, description="last bearing; absent: all there are"
-    )
+    angle_max_deg: float | None = Field(None, ge=-180.0, le=180.0, description="last bearing; absent: all there are")
     stamp_reference: Literal["step_zero", "behind"] = Field(
         "step_zero",
         description="what the device's stamp belongs to: its step 0 (SCIP 2.0 specification; default of every model, "

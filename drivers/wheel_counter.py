@@ -253,9 +253,7 @@ class WheelCounter:
         late = reading.boot_id is not None and reading.boot_id == self._stale_boot
         return STALE_CONFIRMATIONS if late or self._interleaved else CONFIRMATIONS
 
-    def _continues(
-        self, other: Track, stamp_ns: int, reading: WheelReading, delta: float, steps: int
-    ) -> bool:
+    def _continues(self, other: Track, stamp_ns: int, reading: WheelReading, delta: float, steps: int) -> bool:
         """True where the frame follows the second track as it would have to follow the first."""
         if not self._possible(delta, stamp_ns - other.stamp_ns, steps):
             return False

@@ -84,9 +84,7 @@ def built_message(settings: MessageSettings) -> Message:
             strict=True,
         )
     except (cantools.Error, ValueError) as error:
-        raise DriverError(
-            f"message {settings.name}: {error}; correct start and length of its signals"
-        ) from error
+        raise DriverError(f"message {settings.name}: {error}; correct start and length of its signals") from error
 
 
 def frames_of(
@@ -97,9 +95,7 @@ def frames_of(
     if places[0] == places[1]:
         raise DriverError(f"layout: both wheels read the same signal of {left.message}; name the right wheel's own")
     if bool(left.count) != bool(right.count):
-        raise DriverError(
-            "layout: one wheel has a count and the other only a speed; name the same kind for both"
-        )
+        raise DriverError("layout: one wheel has a count and the other only a speed; name the same kind for both")
     fast, routes = {}, dict[int, Route]()
     for wheel, signals in ((Wheel.LEFT, left), (Wheel.RIGHT, right)):
         message = _named(messages, signals.message)
@@ -137,9 +133,7 @@ def _add(routes: dict[int, Route], number: int, route: Route, shared: bool) -> N
         routes[number] = route
         return
     if not shared:
-        raise DriverError(
-            f"layout: two messages with id 0x{number:X}; two senders of one id cannot be told apart"
-        )
+        raise DriverError(f"layout: two messages with id 0x{number:X}; two senders of one id cannot be told apart")
     first, second = other.decode, route.decode
     both: Decoder = lambda data: first(data) + second(data)  # noqa: E731
     routes[number] = Route(other.wheels + route.wheels, route.extended, route.length, both)
@@ -148,9 +142,7 @@ def _add(routes: dict[int, Route], number: int, route: Route, shared: bool) -> N
 def _named(messages: dict[str, Message], name: str) -> Message:
     message = messages.get(name)
     if message is None:
-        raise DriverError(
-            f"message {name}: there is only {', '.join(messages)}; correct the name in the layout"
-        )
+        raise DriverError(f"message {name}: there is only {', '.join(messages)}; correct the name in the layout")
     return message
 
 

@@ -38,14 +38,10 @@ def signal_of(message: Message, name: str):  # type: ignore[no-untyped-def]  # c
     for signal in message.signals:
         if signal.name == name:
             if signal.multiplexer_ids:
-                raise DriverError(
-                    f"signal {name} of message {message.name} is multiplexed; name one that is not"
-                )
+                raise DriverError(f"signal {name} of message {message.name} is multiplexed; name one that is not")
             return signal
     known = ", ".join(signal.name for signal in message.signals)
-    raise DriverError(
-        f"signal {name}: message {message.name} has only {known}; correct the name in the layout"
-    )
+    raise DriverError(f"signal {name}: message {message.name} has only {known}; correct the name in the layout")
 
 
 class FeedbackMessage:
@@ -159,6 +155,4 @@ class InfoMessage:
             if name:
                 raw[name] = value or 0
         flags = EXTENDED if self._message.is_extended_frame else 0
-        return CanFrame(
-            stamp_ns, self.arbitration_id, self._message.encode(raw, scaling=False, strict=False), flags
-        )
+        return CanFrame(stamp_ns, self.arbitration_id, self._message.encode(raw, scaling=False, strict=False), flags)

@@ -26,9 +26,7 @@ INVALID_EVERY_NS = 100_000_000
 class WheelPair:
     """Fold frames with `feed`, let time pass with `check`, fetch samples with `take`."""
 
-    def __init__(
-        self, settings: EncoderSettings, frames: WheelFrames, events: EventLog | None = None
-    ) -> None:
+    def __init__(self, settings: EncoderSettings, frames: WheelFrames, events: EventLog | None = None) -> None:
         self.events = events if events is not None else EventLog("encoders")
         self.left = WheelState(Wheel.LEFT, settings, settings.left, frames, self.events)
         self.right = WheelState(Wheel.RIGHT, settings, settings.right, frames, self.events)
@@ -115,9 +113,7 @@ class WheelPair:
         wheel.lost_at_ns = stamp_ns
         if other.lost_at_ns is not None and stamp_ns - other.lost_at_ns < self._together_ns:
             self.counters["lost_together"] += 1
-            text = (
-                "frames of both wheels are missing at once; the reader was held up or the bus was interrupted"
-            )
+            text = "frames of both wheels are missing at once; the reader was held up or the bus was interrupted"
             self.events.add(stamp_ns, "lost_together", text)
 
     def _sample(self, now_ns: int) -> None:

@@ -65,9 +65,7 @@ PRESETS: dict[str, tuple[MessageSettings, WheelSignals]] = {
     "vesc": (
         _message(
             SignalSettings(name="tachometer", start=7, length=32, order="big", type="signed"),
-            SignalSettings(
-                name="input_voltage_v", start=39, length=16, order="big", type="signed", scale=0.1
-            ),
+            SignalSettings(name="input_voltage_v", start=39, length=16, order="big", type="signed", scale=0.1),
             extended=True,
         ),
         WheelSignals(message="-", count="tachometer"),

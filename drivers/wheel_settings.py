@@ -8,21 +8,37 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from drivers.wheel_signals import InfoSignals, MessageSettings, NodeAddresses, WheelSignals
 
 INFANT_LEFT = WheelSignals(
-    message="WHEEL_L_FB", count="L_Count", speed="L_Speed", status="L_Status", alive="L_Alive",
-    boot_id="L_BootId", crc="L_Crc",
+    message="WHEEL_L_FB",
+    count="L_Count",
+    speed="L_Speed",
+    status="L_Status",
+    alive="L_Alive",
+    boot_id="L_BootId",
+    crc="L_Crc",
     info=InfoSignals(
-        message="WHEEL_L_INFO", counts_per_rev="L_CountsPerRev", period_ms="L_PeriodMs",
-        schema_version="L_SchemaVersion", uptime_ms="L_UptimeMs",
+        message="WHEEL_L_INFO",
+        counts_per_rev="L_CountsPerRev",
+        period_ms="L_PeriodMs",
+        schema_version="L_SchemaVersion",
+        uptime_ms="L_UptimeMs",
     ),
-)  # fmt: skip
+)
 INFANT_RIGHT = WheelSignals(
-    message="WHEEL_R_FB", count="R_Count", speed="R_Speed", status="R_Status", alive="R_Alive",
-    boot_id="R_BootId", crc="R_Crc",
+    message="WHEEL_R_FB",
+    count="R_Count",
+    speed="R_Speed",
+    status="R_Status",
+    alive="R_Alive",
+    boot_id="R_BootId",
+    crc="R_Crc",
     info=InfoSignals(
-        message="WHEEL_R_INFO", counts_per_rev="R_CountsPerRev", period_ms="R_PeriodMs",
-        schema_version="R_SchemaVersion", uptime_ms="R_UptimeMs",
+        message="WHEEL_R_INFO",
+        counts_per_rev="R_CountsPerRev",
+        period_ms="R_PeriodMs",
+        schema_version="R_SchemaVersion",
+        uptime_ms="R_UptimeMs",
     ),
-)  # fmt: skip
+)
 
 
 class BusSettings(BaseModel):
@@ -97,9 +113,7 @@ class SignalsLayout(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     kind: Literal["signals"] = "signals"
-    messages: tuple[MessageSettings, ...] = Field(
-        min_length=1, description="every message that is named below"
-    )
+    messages: tuple[MessageSettings, ...] = Field(min_length=1, description="every message that is named below")
     left: WheelSignals
     right: WheelSignals
 
@@ -115,13 +129,9 @@ class Cia406Layout(NodeAddresses):
     """CANopen encoders after CiA 406: process data as mapped in the device's EDS, heartbeat, emergency."""
 
     kind: Literal["cia406"]
-    file: str = Field(
-        default="config/encoder406.eds", description="EDS of the encoder; same rule as for a DBC"
-    )
+    file: str = Field(default="config/encoder406.eds", description="EDS of the encoder; same rule as for a DBC")
     tpdo: int = Field(default=1, ge=1, le=4, description="which process data object carries 6004h")
-    start_nodes: bool = Field(
-        default=True, description="send NMT start when the bus opens and after a boot-up message"
-    )
+    start_nodes: bool = Field(default=True, description="send NMT start when the bus opens and after a boot-up message")
 
 
 Layout = Annotated[DbcLayout | SignalsLayout | PresetLayout | Cia406Layout, Field(discriminator="kind")]
@@ -132,9 +142,7 @@ class WheelSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    sign: Literal[1, -1] = Field(
-        default=1, description="-1 where the counter falls while the rover drives forward"
-    )
+    sign: Literal[1, -1] = Field(default=1, description="-1 where the counter falls while the rover drives forward")
     modulus: int = Field(
         default=0,
         ge=0,
@@ -167,9 +175,7 @@ class EncoderSettings(BaseModel):
         le=100.0,
         description="top speed of a wheel; 7 km/h (paper, Table II); 1.5 times this is a jump",
     )
-    period_ms: float = Field(
-        default=20.0, ge=1.0, le=1000.0, description="time between two frames of one wheel"
-    )
+    period_ms: float = Field(default=20.0, ge=1.0, le=1000.0, description="time between two frames of one wheel")
     degraded_periods: float = Field(
         default=3.0, ge=1.5, le=100.0, description="silence after which a wheel is degraded"
     )

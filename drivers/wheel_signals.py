@@ -29,18 +29,12 @@ class WheelSignals(BaseModel):
         default=-1, ge=-1, le=0x1FFFFFFF, description="in place of the message's own id; -1: keeps it"
     )
     count: str = Field(default="", description="signal of the cumulative position")
-    counts_per_unit: float = Field(
-        default=1.0, gt=0.0, description="counts in one unit of the scaled position"
-    )
+    counts_per_unit: float = Field(default=1.0, gt=0.0, description="counts in one unit of the scaled position")
     speed: str = Field(default="", description="signal of the speed; integrated where there is no position")
     speed_unit: SpeedUnit = Field(default="counts_per_period", description="unit of the scaled speed")
     status: str = Field(default="", description="signal of the state")
-    status_mask: int = Field(
-        default=0xFFFFFFFF, ge=0, le=0xFFFFFFFF, description="bits of the state that matter"
-    )
-    status_ok: tuple[int, ...] = Field(
-        default=(0,), description="values of those bits with which the counts are good"
-    )
+    status_mask: int = Field(default=0xFFFFFFFF, ge=0, le=0xFFFFFFFF, description="bits of the state that matter")
+    status_ok: tuple[int, ...] = Field(default=(0,), description="values of those bits with which the counts are good")
     alive: str = Field(default="", description="signal of the rolling counter; wraps as wide as it is")
     boot_id: str = Field(default="", description="signal that changes with every power-up")
     crc: str = Field(default="", description="signal of the CRC-8, a whole byte")
@@ -48,9 +42,7 @@ class WheelSignals(BaseModel):
     crc_init: int = Field(default=0xFF, ge=0, le=255, description="SAE J1850")
     crc_xor_out: int = Field(default=0xFF, ge=0, le=255, description="SAE J1850")
     crc_over_id: bool = Field(default=True, description="the two id bytes, low first, go in before the data")
-    info: InfoSignals | None = Field(
-        default=None, description="slow message of the node; absent where it sends none"
-    )
+    info: InfoSignals | None = Field(default=None, description="slow message of the node; absent where it sends none")
 
     @model_validator(mode="after")
     def _measures_something(self) -> Self:
@@ -65,14 +57,10 @@ class SignalSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     name: str = Field(min_length=1, description="as used in left and right")
-    start: int = Field(
-        ge=0, le=511, description="start bit as in a DBC: lowest if little, highest if big endian"
-    )
+    start: int = Field(ge=0, le=511, description="start bit as in a DBC: lowest if little, highest if big endian")
     length: int = Field(ge=1, le=64, description="bits")
     order: Literal["little", "big"] = Field(default="little", description="byte order")
-    type: Literal["unsigned", "signed", "float"] = Field(
-        default="unsigned", description="how the bits are read"
-    )
+    type: Literal["unsigned", "signed", "float"] = Field(default="unsigned", description="how the bits are read")
     scale: float = Field(default=1.0, description="units per bit")
 
 

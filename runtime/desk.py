@@ -44,9 +44,7 @@ def serve_laser(
     configuration = load_configuration_text("", overrides) if config is None else load_configuration(config, overrides)
     simulation = configuration.simulation or SimulationSettings()
     world, start_ns = World(world_for(simulation)), time.monotonic_ns()
-    device = LaserDevice(
-        simulation.laser, lambda t_ns: world.ranges_at(t_ns - start_ns), time.monotonic_ns
-    )
+    device = LaserDevice(simulation.laser, lambda t_ns: world.ranges_at(t_ns - start_ns), time.monotonic_ns)
     device.start()
     try:
         stream.write(f"laser  {device.url}\n" + (f"laser  {device.pty_url}\n" if device.pty_url else ""))

@@ -26,12 +26,16 @@ class RecordSettings(BaseModel):
         60.0, ge=0.5, le=3600.0, description="a segment is closed after this long and then never touched again"
     )
     budget_gb: float = Field(
-        0.0, ge=0.0, le=100_000.0,
+        0.0,
+        ge=0.0,
+        le=100_000.0,
         description="all runs in the folder may take this much; beyond it the oldest segments go that nobody marked. "
         "0: no limit, and runs other than this one are never touched",
-    )  # fmt: skip
+    )
     keep_free_gb: float = Field(
-        0.5, ge=0.0, le=100_000.0,
+        0.5,
+        ge=0.0,
+        le=100_000.0,
         description="leave this much of the disk free: a system without space does not start again. "
         "The oldest unmarked segments of this run go for it",
-    )  # fmt: skip
+    )

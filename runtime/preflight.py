@@ -72,9 +72,11 @@ def check_clock(wall_s: float) -> Finding:
     """A wall clock that was never set makes the date of every run wrong; nothing else depends on it."""
     if wall_s < EARLIEST_CLOCK_S:
         return Finding(
-            "clock", Verdict.WARN, f"the wall clock says {time.strftime('%Y-%m-%d', time.gmtime(wall_s))}",
+            "clock",
+            Verdict.WARN,
+            f"the wall clock says {time.strftime('%Y-%m-%d', time.gmtime(wall_s))}",
             "set it (timedatectl set-time) or wait for NTP; stamps in a run are monotonic and stay right",
-        )  # fmt: skip
+        )
     return Finding("clock", Verdict.PASS, time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(wall_s)))
 
 
@@ -101,9 +103,11 @@ def check_real_time(priority: int) -> Finding:
     allowed = max(resource.getrlimit(resource.RLIMIT_RTPRIO)[0], 99 if os.geteuid() == 0 else 0)
     if allowed < priority:
         return Finding(
-            "real time", Verdict.WARN, f"priority {priority} is asked for, {allowed} allowed",
+            "real time",
+            Verdict.WARN,
+            f"priority {priority} is asked for, {allowed} allowed",
             "run as the service, or set LimitRTPRIO=60; without it ticks can be late under load",
-        )  # fmt: skip
+        )
     return Finding("real time", Verdict.PASS, f"priority {priority} is allowed")
 
 
@@ -117,9 +121,11 @@ def check_calibration(configuration: Configuration) -> Finding:
     if configuration.simulation is not None:
         return Finding("calibration", Verdict.PASS, "simulated wheels are as designed")
     return Finding(
-        "calibration", Verdict.WARN, "wheel radii and tread are those of the drawing",
+        "calibration",
+        Verdict.WARN,
+        "wheel radii and tread are those of the drawing",
         "drive some loops both ways, then: infant calibrate RUN --write FILE",
-    )  # fmt: skip
+    )
 
 
 def check_endpoint(endpoint: str) -> Finding:

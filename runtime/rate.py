@@ -42,9 +42,19 @@ def measure_rate(
         folder = Path(name)
         words = [word for override in overrides for word in ("--set", override)]
         command = [
-            sys.executable, "-m", "runtime.cli", "run", "--config", str(config), "--duration", str(60.0 * minutes),
-            "--out", str(folder / "run"), "--json", *words,
-        ]  # fmt: skip
+            sys.executable,
+            "-m",
+            "runtime.cli",
+            "run",
+            "--config",
+            str(config),
+            "--duration",
+            str(60.0 * minutes),
+            "--out",
+            str(folder / "run"),
+            "--json",
+            *words,
+        ]
         with neighbours(hogs, folder / "synced" if syncing else None):
             load = os.getloadavg()[0]
             done = subprocess.run(

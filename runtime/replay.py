@@ -158,9 +158,7 @@ def summarise_replay(
     }
 
 
-def _configuration(
-    reader: RunReader, run: Path, config: Path | None, overrides: Mapping[str, str]
-) -> Configuration:
+def _configuration(reader: RunReader, run: Path, config: Path | None, overrides: Mapping[str, str]) -> Configuration:
     if config is not None:
         return load_configuration(config, overrides)
     return load_configuration_text(reader.header.configuration_text, overrides, f"configuration of {run}")

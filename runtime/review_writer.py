@@ -266,8 +266,10 @@ class ReviewWriter:
         )
         stamps_ns = np.full(len(features), features.stamp_ns)
         points_m = motion.to_map(stamps_ns, laser_m, self._body_from_laser)
-        where_m = {} if self._landmarks is None else dict(
-            zip(self._landmarks.identities.tolist(), self._landmarks.means_m, strict=True)
+        where_m = (
+            {}
+            if self._landmarks is None
+            else dict(zip(self._landmarks.identities.tolist(), self._landmarks.means_m, strict=True))
         )
         rover_m = np.array((motion.map_from_body.x_m, motion.map_from_body.y_m))
         spokes_m = [

@@ -36,15 +36,17 @@ def run_info(run: Path) -> dict[str, Any]:
     segments: list[dict[str, Any]] = []
     for path in folder.segment_paths():
         facts = manifest.segments.get(path.name, {})
-        segments.append({
-            "name": path.name,
-            "state": "open" if is_being_written(path) else "closed" if facts else "not closed",
-            "bytes": path.stat().st_size,
-            "ticks": facts.get("ticks"),
-            "from_s": facts["first_ns"] * 1e-9 if facts else None,
-            "to_s": facts["last_ns"] * 1e-9 if facts else None,
-            "marked": manifest.is_marked(path.name),
-        })  # fmt: skip
+        segments.append(
+            {
+                "name": path.name,
+                "state": "open" if is_being_written(path) else "closed" if facts else "not closed",
+                "bytes": path.stat().st_size,
+                "ticks": facts.get("ticks"),
+                "from_s": facts["first_ns"] * 1e-9 if facts else None,
+                "to_s": facts["last_ns"] * 1e-9 if facts else None,
+                "marked": manifest.is_marked(path.name),
+            }
+        )
     return {
         "run": str(folder.path),
         "source": header.source,

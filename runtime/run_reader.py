@@ -153,8 +153,10 @@ class RunReader:
         if "segment" in file.metadata:
             facts, mine = file.metadata.get("infant", {}), self.header
             if (facts.get("configuration_sha256"), facts.get("boot_id"), facts.get("created_utc")) == (
-                mine.configuration_sha256, mine.boot_id, mine.created_utc
-            ):  # fmt: skip
+                mine.configuration_sha256,
+                mine.boot_id,
+                mine.created_utc,
+            ):
                 return int(file.metadata["segment"]["number"])
             file.damage = "a file of another run at byte 0"
         match = CLOSED_NAME.fullmatch(file.path.name)

@@ -111,4 +111,3 @@ def summary_lines(summary: dict[str, Any]) -> list[str]:
         )
     lines.append(f"run       {summary['run']}")
     return lines
-

@@ -160,9 +160,7 @@ def headless_viewer(files: Sequence[Path], size: tuple[int, int], timeline: str 
             viewer.wait()
 
 
-def _loaded_client(
-    viewer: "subprocess.Popen[bytes]", connector: Any, url: str, words: IO[bytes], timeline: str
-) -> Any:
+def _loaded_client(viewer: "subprocess.Popen[bytes]", connector: Any, url: str, words: IO[bytes], timeline: str) -> Any:
     """Connect, and wait until the file is loaded and its layout has views."""
     client: Any = None
     before = -1.0

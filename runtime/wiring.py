@@ -105,9 +105,14 @@ def _made_parts(
     tee = review.feed if review is not None else None
     threads = ThreadWatch(clock.now_ns)
     recorder = Recorder(
-        folder, configuration.text, installed_versions(), tee, clock.now_ns, configuration.record,
+        folder,
+        configuration.text,
+        installed_versions(),
+        tee,
+        clock.now_ns,
+        configuration.record,
         alive=threads.sign("recorder"),
-    )  # fmt: skip
+    )
     made.callback(recorder.close)
     threads.excuse("recorder", lambda: recorder.is_excused)
     publisher = ZenohPublisher(configuration.publish, configuration.rover, configuration_text=configuration.text)

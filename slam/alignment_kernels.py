@@ -174,8 +174,19 @@ def descend(
                 gradient[row] += prior_information[row, column] * (motion[column] - prior[column])
             prior_cost += 0.5 * gradient[row] * (motion[row] - prior[row])
         count, cost = normal_equations(
-            points_m, stride, past_points_m, past_normals, past_from_reference, first_rad, spacing_rad, motion,
-            gates_m[gate], sigma_m, correlated_beams, information, gradient,
+            points_m,
+            stride,
+            past_points_m,
+            past_normals,
+            past_from_reference,
+            first_rad,
+            spacing_rad,
+            motion,
+            gates_m[gate],
+            sigma_m,
+            correlated_beams,
+            information,
+            gradient,
         )
         cost += prior_cost
         for row in range(3):

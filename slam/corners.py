@@ -210,13 +210,33 @@ def _corners(
                 )
             if piece == 0 and clear_beside(ranges_m, first, -1, guard, ranges_m[first] + prominence_m):
                 count = _wall_end(
-                    line, points, points_m[first, 0], points_m[first, 1], -1.0, spacing_rad, end_spacing_m,
-                    variance_m2, blunt_m2, features, count, first,
+                    line,
+                    points,
+                    points_m[first, 0],
+                    points_m[first, 1],
+                    -1.0,
+                    spacing_rad,
+                    end_spacing_m,
+                    variance_m2,
+                    blunt_m2,
+                    features,
+                    count,
+                    first,
                 )
             if piece == pieces - 2 and clear_beside(ranges_m, last, 1, guard, ranges_m[last] + prominence_m):
                 count = _wall_end(
-                    line, points, points_m[last, 0], points_m[last, 1], 1.0, spacing_rad, end_spacing_m,
-                    variance_m2, blunt_m2, features, count, last,
+                    line,
+                    points,
+                    points_m[last, 0],
+                    points_m[last, 1],
+                    1.0,
+                    spacing_rad,
+                    end_spacing_m,
+                    variance_m2,
+                    blunt_m2,
+                    features,
+                    count,
+                    last,
                 )
             before[:] = line
             before_points = points

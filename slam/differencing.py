@@ -67,9 +67,7 @@ class Vote:
         again by enough voters."""
         licensed = np.empty(len(extents), dtype=np.bool_)
         least = min(settings.least_support, self.voters)
-        _license(
-            self.verdicts, self.found_again, self.looked, extents, least, settings.support_share, licensed
-        )
+        _license(self.verdicts, self.found_again, self.looked, extents, least, settings.support_share, licensed)
         return licensed
 
 

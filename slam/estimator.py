@@ -118,18 +118,22 @@ class Estimator:
         outcome: ScanOutcome,
     ) -> Estimate:
         """The same with all that a reviewer wants to know of this scan."""
-        counts = self._counts() | {
-            "features": float(len(features)),
-            "matched": float((outcome.matches >= 0).sum()),
-            "created": outcome.created,
-            "removed": outcome.removed,
-            "likelihoods": float(outcome.likelihoods),
-            "effective_particles": outcome.effective,
-            "resampled": float(outcome.resampled),
-            "at_rest": float(increment.at_rest),
-            "odometry_known": float(increment.known),
-            "scans_aligned": float(self._alignment.refined),
-        } | self._quality.figures
+        counts = (
+            self._counts()
+            | {
+                "features": float(len(features)),
+                "matched": float((outcome.matches >= 0).sum()),
+                "created": outcome.created,
+                "removed": outcome.removed,
+                "likelihoods": float(outcome.likelihoods),
+                "effective_particles": outcome.effective,
+                "resampled": float(outcome.resampled),
+                "at_rest": float(increment.at_rest),
+                "odometry_known": float(increment.known),
+                "scans_aligned": float(self._alignment.refined),
+            }
+            | self._quality.figures
+        )
         due = self._particles.scans % self._settings.map_every == 0
         return Estimate(
             stamp_ns=stamp_ns,

@@ -34,9 +34,7 @@ class FrontEnd(Protocol):
         """
 
 
-def make_front_end(
-    settings: FrontEndSettings, *, difference: bool, sparse: bool, body_from_laser: Pose2
-) -> FrontEnd:
+def make_front_end(settings: FrontEndSettings, *, difference: bool, sparse: bool, body_from_laser: Pose2) -> FrontEnd:
     """The front end that the settings name, with techniques 1 (difference) and 2 (sparse) on or off."""
     if settings.kind == "given":
         return GivenFrontEnd(settings)
@@ -52,7 +50,11 @@ class GivenFrontEnd:
         self._settings = settings
 
     def observe(
-        self, scan: ScanLike, odom_from_body: Pose2, twist: Twist, at_rest: bool  # noqa: ARG002
+        self,
+        scan: ScanLike,
+        odom_from_body: Pose2,  # noqa: ARG002
+        twist: Twist,  # noqa: ARG002
+        at_rest: bool,  # noqa: ARG002
     ) -> tuple[Features, VerdictArray]:
         """Sightings with finite values become features; all may create."""
         if not isinstance(scan, Sightings):
@@ -81,7 +83,11 @@ class PaperFrontEnd:
         self._before: Scan | None = None
 
     def observe(
-        self, scan: ScanLike, odom_from_body: Pose2, twist: Twist, at_rest: bool  # noqa: ARG002
+        self,
+        scan: ScanLike,
+        odom_from_body: Pose2,  # noqa: ARG002
+        twist: Twist,  # noqa: ARG002
+        at_rest: bool,
     ) -> tuple[Features, VerdictArray]:
         """Only beams that pass the difference are looked at, so every feature may create."""
         settings, scan = self._settings, _laser_scan(scan)

@@ -139,9 +139,7 @@ class JointGaussian:
             self.refused += 1
             return
         state = self._state
-        predict(
-            state.mean, state.covariance, state.size, mean, covariance, float(self._jump[0]), float(self._jump[1])
-        )
+        predict(state.mean, state.covariance, state.size, mean, covariance, float(self._jump[0]), float(self._jump[1]))
 
     def _usable(self, features: Features) -> IntArray:
         c = features.covariances
@@ -181,9 +179,7 @@ class JointGaussian:
         """What the scan says about the pose, by landmarks that were confirmed and made before this scan's number."""
         state = self._state
         settled = self._settled(places, settled_before)
-        return weigh(
-            state.mean, state.covariance, self._mount, places, settled, rows, chosen, sight, self._tuning
-        )
+        return weigh(state.mean, state.covariance, self._mount, places, settled, rows, chosen, sight, self._tuning)
 
     def _settled(self, places: IntArray, before: int) -> BoolArray:
         """(k,) which landmarks were made before this scan's number and are likelier real than not."""

@@ -17,8 +17,15 @@ PARENTS = 4
 FREE, AWAY = -2, -1
 FIRST_ROOM = 256
 ENLARGED_BY_ZEROS = (
-    "identities", "log_odds", "means", "covariances", "parent_means", "weights", "residuals", "_carries"
-)  # fmt: skip
+    "identities",
+    "log_odds",
+    "means",
+    "covariances",
+    "parent_means",
+    "weights",
+    "residuals",
+    "_carries",
+)
 
 
 class Atlas:

@@ -31,16 +31,16 @@ class JointSettings(BaseModel):
     match_per_metre_square: float = Field(
         1.2, ge=0, le=1000, description="1/m; the gate grows with the distance to the nearest other landmark, (5)"
     )
-    match_widest_square: float = Field(
-        13.816, ge=0, le=1000, description="the widest gate: 99.9 % of true matches"
-    )
+    match_widest_square: float = Field(13.816, ge=0, le=1000, description="the widest gate: 99.9 % of true matches")
     match_known_square: float = Field(
         50.0, ge=0, le=1e6, description="gate where the sensor reports identities; it misreads a few"
     )
     slip_square: float = Field(
-        100.0, ge=0, le=1e6,
+        100.0,
+        ge=0,
+        le=1e6,
         description="gate within which an old landmark is looked for when most are not where the wheels say",
-    )  # fmt: skip
+    )
     create_square: float = Field(
         25.0, ge=0, le=1e6, description="a feature nearer than this to a landmark creates none: it may be that landmark"
     )

@@ -63,9 +63,7 @@ def regress(covariance: FloatArray, at: int, others: IntArray, weights: FloatArr
 
 
 @leaf
-def restore(
-    covariance: FloatArray, n: int, others: IntArray, weights: FloatArray, residual: FloatArray
-) -> None:
+def restore(covariance: FloatArray, n: int, others: IntArray, weights: FloatArray, residual: FloatArray) -> None:
     """Rows and columns n, n + 1 of a landmark that comes back, from the landmarks at others (k,) that it hangs on."""
     for column in range(n):
         for axis in range(2):

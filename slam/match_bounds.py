@@ -17,9 +17,7 @@ GATE_BLOCK = 16  # candidates that pass the gate together, a few instructions fo
 @leaf
 def sighting_of(features: FloatArray, index: int) -> Sighting:
     """Feature `index` of the rows of slam.kernels."""
-    return Sighting(
-        features[index, 0], features[index, 1], features[index, 2], features[index, 3], features[index, 4]
-    )
+    return Sighting(features[index, 0], features[index, 1], features[index, 2], features[index, 3], features[index, 4])
 
 
 @inlined

@@ -168,9 +168,7 @@ class Odometry:
             # both ends of the increment fall somewhere within a count
             rows[0, 4:6] += self._segmenter.count_m**2 / 6.0
             travel.rounded = True
-        accumulate(
-            travel.mean, travel.covariance, travel.tracks, rows, self._model, self._geometries, self._weights
-        )
+        accumulate(travel.mean, travel.covariance, travel.tracks, rows, self._model, self._geometries, self._weights)
         travel.moving_s += float(rows[:, 0].sum())
         travel.forward_m += float(distances.sum())
         travel.lateral_m += float(rows[:, 3].sum())
@@ -181,9 +179,7 @@ class Odometry:
         travel = Travel.none(self._geometries)
         row = np.zeros((1, SEGMENT_COLUMNS))
         row[0, :3] = (1.0, left_m, right_m)
-        accumulate(
-            travel.mean, travel.covariance, travel.tracks, row, self._model, self._geometries, self._weights
-        )
+        accumulate(travel.mean, travel.covariance, travel.tracks, row, self._model, self._geometries, self._weights)
         return Pose2(*(float(value) for value in travel.tracks[0]))
 
     def _rests(self, travel: "Travel") -> bool:

@@ -74,9 +74,7 @@ class EncoderNode:
     def info(self, stamp_ns: int, counts_per_rev: int) -> CanFrame:
         """What the node says of itself."""
         uptime_ms = (stamp_ns - self._booted_ns) // 1_000_000
-        said = NodeInfo(
-            self.wheel, counts_per_rev, round(self._settings.period_ms), SCHEMA_VERSION, uptime_ms
-        )
+        said = NodeInfo(self.wheel, counts_per_rev, round(self._settings.period_ms), SCHEMA_VERSION, uptime_ms)
         return self._info.encode(said, stamp_ns)
 
     def reboot(self, stamp_ns: int, travel_m: float) -> None:

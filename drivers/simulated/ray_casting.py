@@ -42,9 +42,7 @@ def circle_hits(
     return entry, 2.0 * half_chord
 
 
-def wall_hits(
-    origins_m: FloatArray, directions: FloatArray, starts_m: FloatArray, ends_m: FloatArray
-) -> FloatArray:
+def wall_hits(origins_m: FloatArray, directions: FloatArray, starts_m: FloatArray, ends_m: FloatArray) -> FloatArray:
     """Distances (n, w) at which ray n meets the wall from start to end (w, 2); inf where it does not."""
     span = ends_m - starts_m
     offset = starts_m - origins_m[:, None, :]

@@ -37,9 +37,7 @@ class WheelFault(BaseModel):
 
     name: FaultName = Field(description="what goes wrong")
     wheel: Literal["left", "right", "both"] = Field(default="left", description="whose frames")
-    duration_s: float = Field(
-        default=0.0, ge=0.0, le=3600.0, description="seconds until it ends by itself; 0: never"
-    )
+    duration_s: float = Field(default=0.0, ge=0.0, le=3600.0, description="seconds until it ends by itself; 0: never")
     probability: float = Field(
         default=1.0,
         ge=0.0,
@@ -52,9 +50,7 @@ class WheelFault(BaseModel):
         le=1e9,
         description="counts of a jump, offset of a second sender, frames of a burst",
     )
-    value: int = Field(
-        default=2, ge=0, le=65535, description="status that is sent, or the wrong counts per turn"
-    )
+    value: int = Field(default=2, ge=0, le=65535, description="status that is sent, or the wrong counts per turn")
 
 
 class SimulatedWheelSettings(BaseModel):
@@ -63,9 +59,7 @@ class SimulatedWheelSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     counts_per_rev: int = Field(default=4096, ge=1, le=65535, description="1024 lines x 4")
-    wheel_radius_m: float = Field(
-        default=0.125, gt=0.001, le=5.0, description="nominal radius; paper, Table II"
-    )
+    wheel_radius_m: float = Field(default=0.125, gt=0.001, le=5.0, description="nominal radius; paper, Table II")
     left_radius_factor: float = Field(
         default=1.0, gt=0.5, lt=2.0, description="true left radius over the nominal; wear and air pressure"
     )
@@ -82,12 +76,8 @@ class SimulatedWheelSettings(BaseModel):
         le=0xFFFFFFFF,
         description="first count; near the top, so that every run wraps",
     )
-    start_boot_id: int = Field(
-        default=1, ge=0, le=15, description="first boot id; one more with each power cycle"
-    )
-    period_ms: float = Field(
-        default=20.0, ge=1.0, le=1000.0, description="time between two frames of one wheel"
-    )
+    start_boot_id: int = Field(default=1, ge=0, le=15, description="first boot id; one more with each power cycle")
+    period_ms: float = Field(default=20.0, ge=1.0, le=1000.0, description="time between two frames of one wheel")
     info_period_s: float = Field(default=1.0, ge=0.05, le=60.0, description="time between two INFO messages")
     right_delay_ms: float = Field(
         default=0.7,

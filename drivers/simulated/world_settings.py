@@ -12,29 +12,35 @@ class LaserGeometrySettings(BaseModel):
 
     beam_count: int = Field(default=1081, ge=2, le=4096, description="beams of one sweep, step 0 first")
     steps_per_revolution: int = Field(
-        default=1440, ge=16, le=16384,
+        default=1440,
+        ge=16,
+        le=16384,
         description="steps of a full turn of the mirror; the beams are 2 pi divided by it apart",
     )
     first_bearing_rad: float = Field(
-        default=math.radians(-135.0), ge=-math.pi, le=math.pi,
+        default=math.radians(-135.0),
+        ge=-math.pi,
+        le=math.pi,
         description="bearing of step 0 in the laser frame, rad",
     )
     revolution_s: float = Field(
-        default=0.1, gt=0.0, le=1.0,
+        default=0.1,
+        gt=0.0,
+        le=1.0,
         description="time of a full turn of the mirror, s; 10 Hz is the paper's rate",
     )
-    range_max_m: float = Field(
-        default=30.0, gt=1.0, le=200.0, description="nothing comes back from beyond, m"
-    )
+    range_max_m: float = Field(default=30.0, gt=1.0, le=200.0, description="nothing comes back from beyond, m")
     sigma_range_m: float = Field(
-        default=0.015, ge=0.0, le=0.5,
+        default=0.015,
+        ge=0.0,
+        le=0.5,
         description="standard deviation of one range, m; 0.01 to 0.03 on Hokuyo's data sheets",
     )
-    drop_out_share: float = Field(
-        default=0.005, ge=0.0, le=1.0, description="share of beams that come back empty"
-    )
+    drop_out_share: float = Field(default=0.005, ge=0.0, le=1.0, description="share of beams that come back empty")
     mixed_share: float = Field(
-        default=0.2, ge=0.0, le=1.0,
+        default=0.2,
+        ge=0.0,
+        le=1.0,
         description="share of beams beside a range jump that return something between both",
     )
     body_from_laser: tuple[float, float, float] = Field(
@@ -61,13 +67,13 @@ class DriveSettings(BaseModel):
         default=0.5, ge=0.0, le=1.95, description="cruising speed, m/s; 7 km/h is the rover's limit"
     )
     rest_s: float = Field(
-        default=2.0, ge=0.0, le=600.0,
+        default=2.0,
+        ge=0.0,
+        le=600.0,
         description="time at rest before it starts, s; the map's heading comes from these scans",
     )
     ramp_s: float = Field(default=1.5, gt=0.0, le=60.0, description="time from rest to cruising speed, s")
-    tread_m: float = Field(
-        default=0.5, gt=0.05, le=5.0, description="distance between the wheels, m; paper: 0.5"
-    )
+    tread_m: float = Field(default=0.5, gt=0.05, le=5.0, description="distance between the wheels, m; paper: 0.5")
     corners_m: tuple[tuple[float, float], ...] = Field(
         default=((4.0, 0.0), (4.0, 4.5), (0.0, 3.0), (-3.2, 5.4), (-4.0, 0.0)),
         min_length=3,
@@ -76,7 +82,9 @@ class DriveSettings(BaseModel):
     )
     course_scale: float = Field(default=1.0, gt=0.1, le=100.0, description="factor on corners_m")
     corner_m: float = Field(
-        default=1.6, gt=0.1, le=50.0,
+        default=1.6,
+        gt=0.1,
+        le=50.0,
         description="distance before a corner at which the turn begins, m, times course_scale",
     )
 
@@ -86,21 +94,17 @@ class WorldSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    seed: int = Field(
-        default=1, ge=0, le=2**32 - 1, description="draws places, sizes, walks and measurement noise"
-    )
-    margin_m: float = Field(
-        default=16.0, ge=2.0, le=200.0, description="how far the park reaches beyond the course, m"
-    )
-    clearance_m: float = Field(
-        default=1.2, ge=0.5, le=10.0, description="nothing fixed is nearer to the course, m"
-    )
+    seed: int = Field(default=1, ge=0, le=2**32 - 1, description="draws places, sizes, walks and measurement noise")
+    margin_m: float = Field(default=16.0, ge=2.0, le=200.0, description="how far the park reaches beyond the course, m")
+    clearance_m: float = Field(default=1.2, ge=0.5, le=10.0, description="nothing fixed is nearer to the course, m")
     poles: int = Field(default=14, ge=0, le=2000, description="thin posts, radius 0.03 to 0.08 m")
     trees: int = Field(default=16, ge=0, le=2000, description="trunks, radius 0.10 to 0.35 m")
     bushes: int = Field(default=8, ge=0, le=500, description="irregular, half permeable; no landmark")
     walls: int = Field(default=4, ge=0, le=100, description="straight walls of 3 to 8 m")
     people: int = Field(
-        default=7, ge=0, le=200,
+        default=7,
+        ge=0,
+        le=200,
         description="walkers: crossing, along the course, standing and then leaving",
     )
     drive: DriveSettings = DriveSettings()

@@ -154,9 +154,7 @@ def drive_scans() -> list[tuple[int, Scan, WheelCounts, Pose2]]:
 def front_end_times(rows: list[tuple[int, Scan, WheelCounts, Pose2]]) -> FloatArray:
     """Each scan of the drive through the default front end, ms."""
     settings = SlamSettings()
-    front_end = make_front_end(
-        settings.front_end, difference=True, sparse=True, body_from_laser=Pose2(0.3, 0.0, 0.0)
-    )
+    front_end = make_front_end(settings.front_end, difference=True, sparse=True, body_from_laser=Pose2(0.3, 0.0, 0.0))
     twist = Twist(0.5, 0.0, 0.0)
     return np.array([timed_ms(partial(front_end.observe, scan, pose, twist, False)) for _, scan, _, pose in rows])
 

@@ -87,9 +87,7 @@ def shapes(scan: Scan, laser_twist: FloatArray) -> Shapes:
             edges += _edges(points[begin:end])
     edge_rows, thing_rows = np.array(edges).reshape(-1, 6), np.array(things).reshape(-1, 4)
     angles, lengths, variances, angle_variances = edge_rows.T[2:]
-    return Shapes(
-        edge_rows[:, :2], angles, lengths, variances, angle_variances, thing_rows[:, :2], thing_rows[:, 2:]
-    )
+    return Shapes(edge_rows[:, :2], angles, lengths, variances, angle_variances, thing_rows[:, :2], thing_rows[:, 2:])
 
 
 def _breaks(ranges: FloatArray, bearings: FloatArray) -> IntArray:

@@ -14,10 +14,30 @@ from pydantic_core import PydanticUndefined
 from runtime.config import Configuration
 
 UNITS = {
-    "m": "m", "mm": "mm", "s": "s", "ms": "ms", "us": "µs", "ns": "ns", "hz": "Hz", "rad": "rad", "deg": "deg",
-    "mps": "m/s", "radps": "rad/s", "rps": "1/s", "gb": "GB", "mb": "MB", "ppm": "ppm", "m2": "m²", "rad2": "rad²",
-    "m_per_m": "m/m", "rad_per_m": "rad/m", "rad_per_rad": "rad/rad", "mps2": "m/s²", "kg": "kg", "bps": "bit/s",
-}  # fmt: skip
+    "m": "m",
+    "mm": "mm",
+    "s": "s",
+    "ms": "ms",
+    "us": "µs",
+    "ns": "ns",
+    "hz": "Hz",
+    "rad": "rad",
+    "deg": "deg",
+    "mps": "m/s",
+    "radps": "rad/s",
+    "rps": "1/s",
+    "gb": "GB",
+    "mb": "MB",
+    "ppm": "ppm",
+    "m2": "m²",
+    "rad2": "rad²",
+    "m_per_m": "m/m",
+    "rad_per_m": "rad/m",
+    "rad_per_rad": "rad/rad",
+    "mps2": "m/s²",
+    "kg": "kg",
+    "bps": "bit/s",
+}
 """What the last part of a key says of its unit."""
 BOUNDS = (("gt", ">"), ("ge", "≥"), ("lt", "<"), ("le", "≤"))
 HEAD = """# Configuration

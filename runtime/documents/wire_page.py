@@ -106,9 +106,7 @@ def _meaning(command: Command) -> str:
 
 def _ros2() -> str:
     names = dict(zip(ROS2, ("/<rover>/pose", "/<rover>/odom", "/tf"), strict=True))
-    rows = "".join(
-        f"| `{names[name]}` | `{name}` | `{ros2_keys.data_key(0, names[name], name)}` |\n" for name in ROS2
-    )
+    rows = "".join(f"| `{names[name]}` | `{name}` | `{ros2_keys.data_key(0, names[name], name)}` |\n" for name in ROS2)
     return f"""
 ## Keys of ROS 2 (rmw_zenoh)
 

@@ -10,12 +10,17 @@ from runtime.paper.study import OUTDOOR, PRINTED, Cell, Outcomes, Row, column
 Verdict = Literal["holds", "does not hold", "undecided"]
 
 OURS = (
-    "M_c, K and the floor of the density threshold", "the particle count", "odometry and measurement noise",
-    "alpha, beta, kappa of the unscented transform", "existence increments and bounds", "the difference threshold",
-    "the likelihood of a feature that matches nothing", "the worlds, the courses and the simulated outdoor drive",
+    "M_c, K and the floor of the density threshold",
+    "the particle count",
+    "odometry and measurement noise",
+    "alpha, beta, kappa of the unscented transform",
+    "existence increments and bounds",
+    "the difference threshold",
+    "the likelihood of a feature that matches nothing",
+    "the worlds, the courses and the simulated outdoor drive",
     "in the worlds of features a spacing of 0.75 m (0.10 m on scans, as printed)",
     "and there the vote: seen within 0.7 m in half of the last five scans",
-)  # fmt: skip
+)
 LEAST_SEEDS = 6  # bootstrap intervals of fewer are too narrow to decide anything
 
 

@@ -124,9 +124,7 @@ def feature_drive(
     }
     if keep_paths:
         x_m, y_m = (float(value) for value in filter_.poses[filter_.best, :2])
-        numbers, _ = landmarks_near(
-            filter_.store.pages, filter_.best, filter_.store.cell_m, x_m, y_m, WHOLE_MAP_M
-        )
+        numbers, _ = landmarks_near(filter_.store.pages, filter_.best, filter_.store.cell_m, x_m, y_m, WHOLE_MAP_M)
         true = drive.landmarks_m[drive.ever_in_view]
         start = drive.steps[0].truth.inverse()
         result |= {

@@ -55,15 +55,21 @@ def _victoria() -> list[Wanted]:
 def _feature_worlds() -> list[Wanted]:
     figures = []
     asked = {
-        ("P", "largest_m"): (1.0, 0.6), ("P", "aligned_rms_m"): (0.20, 0.10), ("P", "landmarks"): (1.2, 1.05),
-        ("V2", "largest_m"): (1.1, 0.5), ("V2", "aligned_rms_m"): (0.25, 0.10),
-    }  # fmt: skip
+        ("P", "largest_m"): (1.0, 0.6),
+        ("P", "aligned_rms_m"): (0.20, 0.10),
+        ("P", "landmarks"): (1.2, 1.05),
+        ("V2", "largest_m"): (1.1, 0.5),
+        ("V2", "aligned_rms_m"): (0.25, 0.10),
+    }
     for world in ("P", "V2"):
         for particles in (30, 100):
             for whose in ("published", "particles"):
                 for name, frame in (
-                    ("largest_m", START), ("aligned_largest_m", FITTED), ("rms_m", START), ("aligned_rms_m", FITTED),
-                ):  # fmt: skip
+                    ("largest_m", START),
+                    ("aligned_largest_m", FITTED),
+                    ("rms_m", START),
+                    ("aligned_rms_m", FITTED),
+                ):
                     what = f"{WHOSE[whose]}, {'largest error' if 'largest' in name else 'RMS'}, m"
                     limits = asked.get((world, name)) if whose == "published" else None
                     figures.append(Wanted(what, frame, world, f"{whose}_{name}", MEAN, limits, particles))
@@ -82,12 +88,11 @@ def _against_normal() -> list[Wanted]:
                 base = "normal estimation" if arm == NORMAL else "normal estimation with a range gate"
                 what = f"{WHOSE[whose]}, largest error over that of {base}"
                 asked = limits if world == "V2" and arm == RANGE_GATED else None
-                figures.append(
-                    Wanted(what, START, world, f"{whose}_largest_m", RATIO, asked, particles, against=arm)
-                )
+                figures.append(Wanted(what, START, world, f"{whose}_largest_m", RATIO, asked, particles, against=arm))
         for what, name, asked in (
-            ("likelihood evaluations", "likelihoods", (0.1, 0.05)), ("CPU time of the filter", "filter_cpu_s", None),
-        ):  # fmt: skip
+            ("likelihood evaluations", "likelihoods", (0.1, 0.05)),
+            ("CPU time of the filter", "filter_cpu_s", None),
+        ):
             says = f"{what} over those of normal estimation"
             figures.append(Wanted(says, "-", world, name, RATIO, asked, against=NORMAL))
     return figures
@@ -101,10 +106,18 @@ def _coded() -> list[Wanted]:
                 for whose in ("published", "particles"):
                     asked = limits if whose == "published" else None
                     figures += [
-                        Wanted(f"{WHOSE[whose]}, RMS, m", FITTED, world, f"{whose}_aligned_rms_m", statistic,
-                               asked if statistic == MEAN else None, "", left_out)
+                        Wanted(
+                            f"{WHOSE[whose]}, RMS, m",
+                            FITTED,
+                            world,
+                            f"{whose}_aligned_rms_m",
+                            statistic,
+                            asked if statistic == MEAN else None,
+                            "",
+                            left_out,
+                        )
                         for statistic in statistics
-                    ]  # fmt: skip
+                    ]
                 figures += [
                     replace(_consistency(world, left_out=left_out), statistic=statistic) for statistic in statistics[:2]
                 ]

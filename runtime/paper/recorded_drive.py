@@ -117,9 +117,7 @@ def thinned(scans: Iterable[ScanLike], left_out: float, generator: np.random.Gen
         if isinstance(scan, Sightings):
             kept = generator.random(len(scan.ranges_m)) >= left_out
             if kept.any():
-                yield Sightings(
-                    scan.stamp_ns, scan.ranges_m[kept], scan.bearings_rad[kept], scan.identities[kept]
-                )
+                yield Sightings(scan.stamp_ns, scan.ranges_m[kept], scan.bearings_rad[kept], scan.identities[kept])
         elif generator.random() >= left_out:
             yield scan
 

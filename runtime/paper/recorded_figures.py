@@ -76,9 +76,7 @@ def _fixes(fixes: FloatArray, path: FloatArray, body_from_laser: Mount) -> Resul
     first = _first_metres(places)
     start = rigid_fit(points[first], places[first])
     return {
-        "aligned_trimmed_rms_m": position_error(
-            rigid_fit(points, places).transform(points), places
-        ).trimmed_rms_m,
+        "aligned_trimmed_rms_m": position_error(rigid_fit(points, places).transform(points), places).trimmed_rms_m,
         "from_start_trimmed_rms_m": position_error(start.transform(points), places).trimmed_rms_m,
     }
 

@@ -122,12 +122,7 @@ Outcomes = Mapping[Cell, list[Result]]
 def run_study(study: Study, folder: Path, scheduler: str | None, progress: Callable[[int, int], None]) -> Outcomes:
     """Results of every cell, in the order of seeds. Finished jobs in folder/jobs are not run again."""
     cells = study.cells()
-    order = [
-        (cell, seed)
-        for seed in range(study.seeds)
-        for cell in cells
-        if seed < seeds_of(cell, study.seeds)
-    ]
+    order = [(cell, seed) for seed in range(study.seeds) for cell in cells if seed < seeds_of(cell, study.seeds)]
     results = run_jobs([study.job(cell, seed) for cell, seed in order], folder / "jobs", scheduler, progress)
     outcomes: dict[Cell, list[Result]] = {cell: [] for cell in cells}
     for (cell, _), result in zip(order, results, strict=True):
@@ -180,11 +175,7 @@ def comparison_rows(outcomes: Outcomes, against: Iterable[str] = (PROPOSED, NORM
 
 def quantities(results: list[Result]) -> list[str]:
     """Names of the numbers that every seed has."""
-    return [
-        name
-        for name in results[0]
-        if all(isinstance(result.get(name), int | float) for result in results)
-    ]
+    return [name for name in results[0] if all(isinstance(result.get(name), int | float) for result in results)]
 
 
 def column(results: list[Result], name: str) -> FloatArray:

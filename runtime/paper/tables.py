@@ -84,6 +84,8 @@ def table1_rows(spreads: Sequence[Row]) -> list[Row]:
     return [
         {"paper": printed.get((row["arm"], row["quantity"]), ""), **row}
         for row in spreads
-        if row["world"] in ("P", "V2") and row["arm"] in ("normal", "proposed") and row["quantity"] in wanted
+        if row["world"] in ("P", "V2")
+        and row["arm"] in ("normal", "proposed")
+        and row["quantity"] in wanted
         and row["particles"] == ""
     ]

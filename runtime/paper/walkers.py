@@ -21,9 +21,7 @@ class Walkers:
     positions_m: FloatArray
 
 
-def random_walker(
-    steps: int, period_s: float, low_m: float, high_m: float, generator: np.random.Generator
-) -> Walkers:
+def random_walker(steps: int, period_s: float, low_m: float, high_m: float, generator: np.random.Generator) -> Walkers:
     """One person who wanders at 1.2 m/s within the square area and turns back at its edge."""
     heading = generator.uniform(-np.pi, np.pi)
     position = generator.uniform(low_m, high_m, 2)

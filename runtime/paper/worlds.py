@@ -204,9 +204,7 @@ def _sight(
     return Sightings(stamp_ns, ranges[order], bearings[order], unknown), identities[order]
 
 
-def _wheel_sample(
-    stamp_ns: int, before: FloatArray, after: FloatArray, generator: np.random.Generator
-) -> SpeedYawRate:
+def _wheel_sample(stamp_ns: int, before: FloatArray, after: FloatArray, generator: np.random.Generator) -> SpeedYawRate:
     """Speed and yaw rate between two true poses with white noise; exactly zero while nothing moves."""
     turn = math.remainder(float(after[2] - before[2]), 2.0 * math.pi)
     chord = math.hypot(float(after[0] - before[0]), float(after[1] - before[1]))

@@ -26,9 +26,12 @@ def draw(points: "Sequence[CurvePoint]", path: Path) -> None:
         panel.plot([p.false_per_hour for p in row], [100.0 * p.told_share for p in row], "o-", color="tab:blue")
         for point in row:
             panel.annotate(
-                f"{point.value:g}", (point.false_per_hour, 100.0 * point.told_share), textcoords="offset points",
-                xytext=(5, -10), fontsize=7,
-            )  # fmt: skip
+                f"{point.value:g}",
+                (point.false_per_hour, 100.0 * point.told_share),
+                textcoords="offset points",
+                xytext=(5, -10),
+                fontsize=7,
+            )
         panel.set_xscale("symlog", linthresh=0.1)
         panel.axhline(95.0, color="grey", linewidth=0.8, linestyle="--")
         panel.axvline(1.0, color="grey", linewidth=0.8, linestyle="--")

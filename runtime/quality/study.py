@@ -67,9 +67,14 @@ def study_jobs(size: StudySize, code: str) -> list[Job]:
 
     def add(seed: int, turn: int, kind: str) -> None:
         arguments = {
-            "seed": seed, "where": places[turn % len(places)], "kind": kind, "duration_s": DRIVE_S,
-            "particles": size.particles, "quality": {}, "code": code,
-        }  # fmt: skip
+            "seed": seed,
+            "where": places[turn % len(places)],
+            "kind": kind,
+            "duration_s": DRIVE_S,
+            "particles": size.particles,
+            "quality": {},
+            "code": code,
+        }
         jobs.append(Job(trial, arguments))
 
     for group, kinds in enumerate((KIDNAPPED, BLINDED)):

@@ -25,9 +25,14 @@ PLACES: Mapping[str, Mapping[str, Any]] = {
     "crowd": {"people": 20},
     "open": {"poles": 5, "trees": 5, "walls": 1, "bushes": 4, "people": 14},
     "large": {
-        "poles": 36, "trees": 42, "bushes": 20, "walls": 6, "people": 14, "drive": DriveSettings(course_scale=3.0),
+        "poles": 36,
+        "trees": 42,
+        "bushes": 20,
+        "walls": 6,
+        "people": 14,
+        "drive": DriveSettings(course_scale=3.0),
     },
-}  # fmt: skip
+}
 COLUMNS = ("stamp_s", "has_scan", "known", "found", "missed", "square", "sigma_m", "gap_m", "error_m", "error_rad")
 
 

@@ -43,7 +43,5 @@ def _most_within(consequences: Sequence[Interval], causes: Sequence[Interval]) -
     """Whether half or more of them begin during a cause or soon after it; a cause without times lasts all the time."""
     if not causes:
         return True
-    within = [
-        any(begin - ECHO_S <= start <= end + ECHO_S for begin, end in causes) for start, _ in consequences
-    ]
+    within = [any(begin - ECHO_S <= start <= end + ECHO_S for begin, end in causes) for start, _ in consequences]
     return 2 * sum(within) >= max(1, len(within))

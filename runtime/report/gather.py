@@ -98,17 +98,21 @@ class Gathering:
         if estimate.landmarks is not None:
             self._landmarks = estimate.landmarks
         nowhere = np.full(3, np.nan)
-        self.rows.append((
-            self._seconds(tick.stamp_ns),
-            *estimate.map_from_body.as_array(),
-            *estimate.odom_from_body.as_array(),
-            *(nowhere if truth is None else truth.as_array()),
-            math.sqrt(max(0.0, float(np.linalg.eigvalsh(np.nan_to_num(estimate.covariance[:2, :2], nan=1e12))[-1]))),
-            math.dist(estimate.map_from_body.as_array()[:2], estimate.particle_mean.as_array()[:2]),
-            QUALITIES.index(estimate.quality.value),
-            math.nan if timing is None else timing.lateness_ns * 1e-6,
-            0.0 if timing is None else timing.missed,
-        ))
+        self.rows.append(
+            (
+                self._seconds(tick.stamp_ns),
+                *estimate.map_from_body.as_array(),
+                *estimate.odom_from_body.as_array(),
+                *(nowhere if truth is None else truth.as_array()),
+                math.sqrt(
+                    max(0.0, float(np.linalg.eigvalsh(np.nan_to_num(estimate.covariance[:2, :2], nan=1e12))[-1]))
+                ),
+                math.dist(estimate.map_from_body.as_array()[:2], estimate.particle_mean.as_array()[:2]),
+                QUALITIES.index(estimate.quality.value),
+                math.nan if timing is None else timing.lateness_ns * 1e-6,
+                0.0 if timing is None else timing.missed,
+            )
+        )
         self._counts.append(estimate.counts)
         self._stages.append({} if timing is None else timing.stages_ns)
 
@@ -118,11 +122,18 @@ class Gathering:
         """Everything as columns."""
         rows = np.array(self.rows)
         ticks = TickColumns(
-            rows[:, 0], rows[:, 1:4], rows[:, 4:7], rows[:, 7:10], rows[:, 10], rows[:, 11],
-            rows[:, 12].astype(np.int64), rows[:, 13], rows[:, 14],
+            rows[:, 0],
+            rows[:, 1:4],
+            rows[:, 4:7],
+            rows[:, 7:10],
+            rows[:, 10],
+            rows[:, 11],
+            rows[:, 12].astype(np.int64),
+            rows[:, 13],
+            rows[:, 14],
             {key: values * 1e-6 for key, values in _columns(self._stages).items()},
             _columns(self._counts),
-        )  # fmt: skip
+        )
         scans = np.array(self._scans).reshape(-1, 5)
         wheels = np.array([row[:3] for row in self._wheels]).reshape(-1, 3)
         valid = np.array([row[3] for row in self._wheels], dtype=np.bool_)

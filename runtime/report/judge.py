@@ -21,13 +21,15 @@ VERDICTS = {
 
 def judge(facts: RunFacts) -> list[Finding]:
     """Causes before what follows from them, the gravest first."""
-    return ordered([
-        *laser_findings(facts),
-        *wheel_findings(facts),
-        *geometry_findings(facts),
-        *running_findings(facts),
-        *pose_findings(facts),
-    ])  # fmt: skip
+    return ordered(
+        [
+            *laser_findings(facts),
+            *wheel_findings(facts),
+            *geometry_findings(facts),
+            *running_findings(facts),
+            *pose_findings(facts),
+        ]
+    )
 
 
 def verdict(findings: Sequence[Finding]) -> str:

@@ -21,21 +21,23 @@ NOTHING = "<p>Nothing was found.</p>"
 
 def page(facts: RunFacts, findings: Sequence[Finding], figures: dict[str, Any]) -> str:
     """The whole page."""
-    body = "".join((
-        f"<h1>{text(facts.name)}</h1>",
-        f'<p class="quiet">{text(_origin(facts))}</p>',
-        verdict_line(figures),
-        f'<div class="tiles">{"".join(tile(*item) for item in tiles(figures))}</div>',
-        section("Findings", _when(facts, findings) + "".join(map(finding_card, findings)) or NOTHING),
-        section("Trajectory and map", _where(facts, figures)),
-        section("Timing", _timing(facts, findings)),
-        section("Sensors", _sensors(facts, figures, findings)),
-        section("Filter", _filter(facts, figures, findings)),
-        section("Clock", _clock(facts)),
-        section("Geometry", _geometry(figures)),
-        section("Events", _events(figures)),
-        section("Configuration", _configuration(facts)),
-    ))  # fmt: skip
+    body = "".join(
+        (
+            f"<h1>{text(facts.name)}</h1>",
+            f'<p class="quiet">{text(_origin(facts))}</p>',
+            verdict_line(figures),
+            f'<div class="tiles">{"".join(tile(*item) for item in tiles(figures))}</div>',
+            section("Findings", _when(facts, findings) + "".join(map(finding_card, findings)) or NOTHING),
+            section("Trajectory and map", _where(facts, figures)),
+            section("Timing", _timing(facts, findings)),
+            section("Sensors", _sensors(facts, figures, findings)),
+            section("Filter", _filter(facts, figures, findings)),
+            section("Clock", _clock(facts)),
+            section("Geometry", _geometry(figures)),
+            section("Events", _events(figures)),
+            section("Configuration", _configuration(facts)),
+        )
+    )
     return document(f"Review of {facts.name}", body)
 
 

@@ -41,8 +41,8 @@ class _Frame:
         return LEFT + (value - self.low[0]) / (self.high[0] - self.low[0]) * (WIDTH - LEFT - RIGHT)
 
     def y(self, value: float) -> float:
-        return self.height - BOTTOM - (value - self.low[1]) / (self.high[1] - self.low[1]) * (
-            self.height - TOP - BOTTOM
+        return (
+            self.height - BOTTOM - (value - self.low[1]) / (self.high[1] - self.low[1]) * (self.height - TOP - BOTTOM)
         )
 
 

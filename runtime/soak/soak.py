@@ -57,9 +57,7 @@ def soak(
     track = ProcessTrack(min(MINUTE_S, driven_s / SAMPLES_MIN), beats - 1)
     open_before = open_files()
     with stepped(configuration, speed) as (rover, clock):
-        wired = configuration.model_copy(
-            update={"laser": rover.laser, "encoders": rover.encoders, "simulation": None}
-        )
+        wired = configuration.model_copy(update={"laser": rover.laser, "encoders": rover.encoders, "simulation": None})
         sinks: dict[str, Any] = {}
 
         def wire(configuration: Configuration, folder: RunFolder, clock: Clock) -> Parts:

@@ -159,9 +159,7 @@ def test_a_bus_opened_anew_whose_first_frames_waited_keeps_its_clock() -> None:
     stamps(clock, [(i * 20_000_000, 1.7e9 + i * 0.02) for i in range(50)])
     late = [(60 * 20_000_000, 1.7e9 + i * 0.02) for i in range(55, 60)]
     times = stamps(clock, late)
-    assert all(
-        abs(time_ns - i * 20_000_000) < 1_000_000 for i, time_ns in zip(range(55, 60), times, strict=True)
-    )
+    assert all(abs(time_ns - i * 20_000_000) < 1_000_000 for i, time_ns in zip(range(55, 60), times, strict=True))
 
 
 def test_a_bus_without_stamps_uses_the_arrival() -> None:

@@ -149,17 +149,19 @@ def test_udp_multicast_needs_no_network_but_the_loopback() -> None:
     enter = ["unshare", "--net", "sh", "-c", 'ip link set lo up && exec "$@"', "sh"]
     if subprocess.run([*enter, "true"], capture_output=True, check=False).returncode:
         pytest.skip("no permission to make a network namespace (unshare --net)")
-    script = CHILD.replace("print(", "from drivers.encoders import CanEncoders\n"
+    script = CHILD.replace(
+        "print(",
+        "from drivers.encoders import CanEncoders\n"
         "from drivers.wheel_settings import EncoderSettings\n"
         "encoders = CanEncoders(EncoderSettings(bus=node.bus), time.monotonic_ns)\n"
         "encoders.start()\nsamples = []\n"
         "deadline = time.monotonic() + 5\n"
         "while len(samples) < 10 and time.monotonic() < deadline:\n"
         "    samples += encoders.drain(); time.sleep(0.01)\n"
-        "encoders.close(); node.close(); print(len(samples)); sys.exit(0)\nprint(", 1)  # fmt: skip
-    answer = subprocess.run(
-        [*enter, sys.executable, "-c", script], capture_output=True, text=True, check=False
+        "encoders.close(); node.close(); print(len(samples)); sys.exit(0)\nprint(",
+        1,
     )
+    answer = subprocess.run([*enter, sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert answer.returncode == 0, answer.stderr
     assert int(answer.stdout) >= 10
 
@@ -203,9 +205,7 @@ def test_a_node_with_other_counts_per_turn_is_refused_by_name() -> None:
     encoders.start()
     node.start()
     try:
-        assert wait_until(
-            lambda: encoders.health().state is SensorState.FAILED and "2048" in encoders.health().reason
-        )
+        assert wait_until(lambda: encoders.health().state is SensorState.FAILED and "2048" in encoders.health().reason)
         assert "counts_per_rev is 4096" in encoders.health().reason
     finally:
         encoders.close()
@@ -225,9 +225,7 @@ def test_a_burst_of_three_thousand_frames_loses_nothing() -> None:
 
 
 def test_an_interface_that_is_not_there_is_tried_again_and_named_with_its_remedy() -> None:
-    bus = BusSettings(
-        interface="socketcan", channel="vcan_absent"[:15], backoff_min_s=0.02, backoff_max_s=0.05
-    )
+    bus = BusSettings(interface="socketcan", channel="vcan_absent"[:15], backoff_min_s=0.02, backoff_max_s=0.05)
     encoders = CanEncoders(EncoderSettings(bus=bus), time.monotonic_ns)
     encoders.start()
     try:
@@ -334,9 +332,7 @@ def test_a_recorded_candump_replayed_over_the_bus_arrives_whole(recorded_data: C
     log = recorded_data("can_encoder") / "infant_candump.log"
     bus = virtual_bus()
     # four times as fast, and so are the nodes that the reader expects
-    settings = EncoderSettings(
-        bus=bus, period_ms=5.0, max_speed_mps=7.776, degraded_periods=50.0, silent_periods=500.0
-    )
+    settings = EncoderSettings(bus=bus, period_ms=5.0, max_speed_mps=7.776, degraded_periods=50.0, silent_periods=500.0)
     tap = Tap()
     encoders = CanEncoders(settings, time.monotonic_ns, tap)
     listener = Listener(encoders)
@@ -382,9 +378,7 @@ def test_canopen_nodes_are_started_when_the_bus_opens_and_after_a_boot_up() -> N
 
 
 def test_close_returns_within_two_seconds_whatever_the_bus_does() -> None:
-    encoders = CanEncoders(
-        EncoderSettings(bus=BusSettings(interface="virtual", channel="quiet")), time.monotonic_ns
-    )
+    encoders = CanEncoders(EncoderSettings(bus=BusSettings(interface="virtual", channel="quiet")), time.monotonic_ns)
     encoders.start()
     began = time.monotonic()
     encoders.close()

@@ -102,9 +102,7 @@ def test_a_candump_at_two_hundred_times_its_speed_arrives_whole_over_multicast(
     port = free_port()
     bus = CanBus(BusSettings(port=port), (), time.monotonic_ns)
     readings = 0
-    with subprocess.Popen(
-        [sys.executable, "-c", SENDER, str(log), str(port)], stdout=subprocess.PIPE
-    ) as sender:
+    with subprocess.Popen([sys.executable, "-c", SENDER, str(log), str(port)], stdout=subprocess.PIPE) as sender:
         try:
             frame = bus.receive(10.0)
             while frame is not None:
@@ -115,6 +113,4 @@ def test_a_candump_at_two_hundred_times_its_speed_arrives_whole_over_multicast(
         assert sender.stdout is not None
         rate = float(sender.stdout.read())
     assert readings == sum(frame.arbitration_id in (0x181, 0x182) for frame in frames)
-    assert rate > 0.5 * REPLAYED_PER_S, (
-        f"the sender reached only {rate:.0f} frames/s: the figure was not tried"
-    )
+    assert rate > 0.5 * REPLAYED_PER_S, f"the sender reached only {rate:.0f} frames/s: the figure was not tried"

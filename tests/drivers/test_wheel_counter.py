@@ -71,9 +71,7 @@ def test_any_loss_duplication_reordering_and_wrap_leaves_the_total_true(
 
 @settings(max_examples=300, deadline=None)
 @given(course=beats, start=st.sampled_from([5_000_000, 2**32 - 300]))
-def test_any_sequence_with_resets_misses_only_motion_over_a_reset(
-    course: list[tuple[int, str]], start: int
-) -> None:
+def test_any_sequence_with_resets_misses_only_motion_over_a_reset(course: list[tuple[int, str]], start: int) -> None:
     # a boot is known after a few frames; power does not come and go ten times a second
     spaced: list[tuple[int, str]] = []
     for advance, what in [(0, "send"), *course]:
@@ -112,9 +110,7 @@ def test_counters_without_alive_number_or_of_odd_width_unwrap_too(
         assert modulus == 9000
 
 
-def drive(
-    counter: WheelCounter, start_ns: int, frames: int, period_ns: int, first: int = 0, step: int = 100
-) -> None:
+def drive(counter: WheelCounter, start_ns: int, frames: int, period_ns: int, first: int = 0, step: int = 100) -> None:
     for index in range(first, first + frames):
         reading = WheelReading(Wheel.LEFT, float(step * index), step * 50.0, alive=index % 16, boot_id=1)
         counter.update(start_ns + (index - first) * period_ns, reading)

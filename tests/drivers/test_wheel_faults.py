@@ -66,9 +66,7 @@ def test_each_fault_is_counted_and_over_within_a_second_and_moves_nothing(
         drive.clear()
         recovered = drive.run_until_valid(1.0)
         drive.run(0.06)
-        assert counted(drive, counter) > 0, (
-            f"{fault}, seed {seed}: {counter} not counted: {drive.pair.left.counters}"
-        )
+        assert counted(drive, counter) > 0, f"{fault}, seed {seed}: {counter} not counted: {drive.pair.left.counters}"
         assert drive.pair.trouble(drive.now_ns) == "", f"{fault}, seed {seed}"
         assert recovered, f"{fault}, seed {seed}: no valid sample within 1 s"
         stamps = [s.stamp_ns for s in drive.samples]

@@ -83,9 +83,7 @@ def test_one_flipped_bit_is_refused(bit: int) -> None:
 
 
 def test_the_checksum_covers_the_id_so_that_left_is_never_right() -> None:
-    assert FRAMES.decode(CanFrame(0, 0x182, bytes.fromhex("00FFFFFF25001082"))) == (
-        Refused(Wheel.RIGHT, "crc"),
-    )
+    assert FRAMES.decode(CanFrame(0, 0x182, bytes.fromhex("00FFFFFF25001082"))) == (Refused(Wheel.RIGHT, "crc"),)
 
 
 @pytest.mark.parametrize(

@@ -34,9 +34,7 @@ class VirtualDrive:
         self.rng = np.random.default_rng(self.seed)
         self.now_ns = START_NS
         self.nodes = EncoderNodes(self.settings, MESSAGES, START_NS, self.rng)
-        self.pair = WheelPair(
-            self.encoders, FRAMES if self.encoders == SETTINGS else wheel_frames(self.encoders)
-        )
+        self.pair = WheelPair(self.encoders, FRAMES if self.encoders == SETTINGS else wheel_frames(self.encoders))
         self.errors = ErrorFrames()
         self.samples: list[WheelCounts] = []
         self.frames: list[CanFrame] = []

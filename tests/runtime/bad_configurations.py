@@ -129,5 +129,5 @@ def broken(whole: str, rng: random.Random) -> Iterator[Bad]:
     with_value = [number for number, line in enumerate(lines) if "=" in line]
     for number in rng.sample(with_value, min(10, len(with_value))):
         name = lines[number].split("=")[0]
-        for wrong in (f"{name}=", f"{name}= \"open", f"{name}= [1, 2", f"{lines[number]}\n{lines[number]}", name):
+        for wrong in (f"{name}=", f'{name}= "open', f"{name}= [1, 2", f"{lines[number]}\n{lines[number]}", name):
             yield Bad("toml", "\n".join([*lines[:number], wrong, *lines[number + 1 :]]), "not valid TOML")

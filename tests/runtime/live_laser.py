@@ -101,9 +101,7 @@ def live_run(path: Path) -> Iterator[LiveRun]:
     assert base.laser is not None
     assert base.encoders is not None
     rover = SimulatedRover(base.simulation, base.laser, base.encoders)
-    configuration = base.model_copy(
-        update={"laser": rover.laser, "encoders": rover.encoders, "simulation": None}
-    )
+    configuration = base.model_copy(update={"laser": rover.laser, "encoders": rover.encoders, "simulation": None})
     found: list[Parts] = []
     wired = threading.Event()
 

@@ -59,9 +59,7 @@ def test_a_line_that_cannot_be_obeyed_is_answered_by_one_sentence(line: str, nam
 
 def test_the_running_simulation_answers_lines_and_goes_on_after_a_wrong_one() -> None:
     command = [sys.executable, "-m", "runtime.cli", "sim", "--laser-only"]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT
-    ) as process:
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         assert process.stdin is not None
         assert process.stdout is not None
         process.stdin.write("laser quiet\nlaser silence duration_s=0.1\n")

@@ -153,8 +153,15 @@ def test_the_loop_stops_when_told() -> None:
             stop.set()
 
     Loop(
-        clock, sensors, sensors, ThinkingEstimator(clock, lambda _s: 0), {"c": sink}, HealthMonitor(), PERIOD_NS,
-        lambda _stamp_ns: None, watch,
+        clock,
+        sensors,
+        sensors,
+        ThinkingEstimator(clock, lambda _s: 0),
+        {"c": sink},
+        HealthMonitor(),
+        PERIOD_NS,
+        lambda _stamp_ns: None,
+        watch,
     ).run(0, stop, None)
     assert len(sink.ticks) == 5
 
@@ -185,8 +192,15 @@ def test_a_defect_in_the_estimator_is_contained_and_recorded() -> None:
     clock, sensors, sink = ObedientClock(), StillSensors(), Collector()
     sensors.scans = [Scan(0, np.zeros(3, np.float32), uniform_bearings(-1.0, 1.0, 3))]
     Loop(
-        clock, sensors, sensors, Defective(clock, lambda _s: 0), {"c": sink}, HealthMonitor(), PERIOD_NS,
-        lambda _stamp_ns: None, lambda *_: None,
+        clock,
+        sensors,
+        sensors,
+        Defective(clock, lambda _s: 0),
+        {"c": sink},
+        HealthMonitor(),
+        PERIOD_NS,
+        lambda _stamp_ns: None,
+        lambda *_: None,
     ).run(0, threading.Event(), 3 * PERIOD_NS)
     assert len(sink.ticks) == 3
     defects = [event for tick in sink.ticks for event in tick.events if event.kind == "defect"]
@@ -215,8 +229,16 @@ def test_the_estimators_own_stages_stand_in_the_timing() -> None:
             return super().step(stamp_ns, scan, wheels)
 
     Loop(
-        clock, sensors, sensors, Marking(clock, lambda _s: 3_000_000), {"c": sink}, HealthMonitor(), PERIOD_NS,
-        lambda _stamp_ns: None, lambda *_: None, stages=stages,
+        clock,
+        sensors,
+        sensors,
+        Marking(clock, lambda _s: 3_000_000),
+        {"c": sink},
+        HealthMonitor(),
+        PERIOD_NS,
+        lambda _stamp_ns: None,
+        lambda *_: None,
+        stages=stages,
     ).run(0, threading.Event(), PERIOD_NS)
     taken = sink.timings[0].stages_ns
     assert (taken["front end"], taken["estimate"], taken["step"]) == (2_000_000, 3_000_000, 5_000_000)
@@ -229,8 +251,15 @@ def test_a_sink_that_raises_loses_its_tick_and_not_the_run() -> None:
 
     clock, sensors, sink = ObedientClock(), StillSensors(), Collector()
     Loop(
-        clock, sensors, sensors, ThinkingEstimator(clock, lambda _s: 0), {"broken": Broken(), "c": sink},
-        HealthMonitor(), PERIOD_NS, lambda _stamp_ns: None, lambda *_: None,
+        clock,
+        sensors,
+        sensors,
+        ThinkingEstimator(clock, lambda _s: 0),
+        {"broken": Broken(), "c": sink},
+        HealthMonitor(),
+        PERIOD_NS,
+        lambda _stamp_ns: None,
+        lambda *_: None,
     ).run(0, threading.Event(), 3 * PERIOD_NS)
     assert len(sink.ticks) == 3
     assert any(event.source == "broken" and "no room" in event.reason for event in sink.ticks[1].events)

@@ -39,9 +39,7 @@ def test_a_clock_that_was_never_set_is_a_warning_with_a_remedy() -> None:
     assert check_clock(2e9).verdict is Verdict.PASS
 
 
-@pytest.mark.parametrize(
-    ("free_bytes", "expected"), [(1e8, Verdict.FAIL), (1e9, Verdict.WARN), (1e11, Verdict.PASS)]
-)
+@pytest.mark.parametrize(("free_bytes", "expected"), [(1e8, Verdict.FAIL), (1e9, Verdict.WARN), (1e11, Verdict.PASS)])
 def test_disk_space_is_judged_in_hours(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free_bytes: float, expected: Verdict
 ) -> None:

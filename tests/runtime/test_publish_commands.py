@@ -129,9 +129,17 @@ def test_each_command_over_the_wire_is_obeyed_and_stands_in_the_record(fleet: Fl
     sensors, clock, stop = StillSensors(), MonotonicClock(), threading.Event()
     sinks = {"record": recorder, "publish": publisher}
     loop = Loop(
-        clock, sensors, sensors, SmallEstimator(SlamSettings(), 1), sinks, HealthMonitor(), 20_000_000,  # type: ignore[arg-type]
-        lambda stamp_ns: None, lambda *watched: None, publisher.drain_events,
-    )  # fmt: skip
+        clock,
+        sensors,
+        sensors,
+        SmallEstimator(SlamSettings(), 1),
+        sinks,
+        HealthMonitor(),
+        20_000_000,  # type: ignore[arg-type]
+        lambda stamp_ns: None,
+        lambda *watched: None,
+        publisher.drain_events,
+    )
     driving = threading.Thread(target=loop.run, args=(clock.now_ns(), stop, 60_000_000_000))
     driving.start()
     try:

@@ -68,8 +68,7 @@ def seqs(reader: RunReader) -> list[int]:
 def is_part(recorded: list[RecordedTick], of: list[RecordedTick]) -> bool:
     by_seq = {tick.tick.seq: tick for tick in of}
     return all(
-        same_bits(tick.tick, by_seq[tick.tick.seq].tick)
-        and tick.outcomes == by_seq[tick.tick.seq].outcomes
+        same_bits(tick.tick, by_seq[tick.tick.seq].tick) and tick.outcomes == by_seq[tick.tick.seq].outcomes
         for tick in recorded
     )
 

@@ -23,9 +23,21 @@ ROOT = Path(__file__).parents[2]
 
 def driven(minutes: float, speed: float, out: Path, *words: str) -> dict[str, Any]:
     command = [
-        sys.executable, "-m", "runtime.cli", "soak", "--config", str(ROOT / "config/mock.toml"),
-        "--minutes", str(minutes), "--speed", str(speed), "--out", str(out), "--json", *words,
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        "runtime.cli",
+        "soak",
+        "--config",
+        str(ROOT / "config/mock.toml"),
+        "--minutes",
+        str(minutes),
+        "--speed",
+        str(speed),
+        "--out",
+        str(out),
+        "--json",
+        *words,
+    ]
     done = subprocess.run(command, capture_output=True, text=True, cwd=out.parent)
     assert done.returncode == 0, done.stderr
     measured: dict[str, Any] = json.loads(done.stdout)

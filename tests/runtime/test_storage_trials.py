@@ -24,9 +24,12 @@ def trial(*words: str | Path, isolated: bool = False) -> dict[str, Any]:
 
 
 def need_mounts() -> None:
-    may = shutil.which("unshare") and not subprocess.run(
-        ["unshare", "-rm", "mount", "-t", "tmpfs", "tmpfs", "/mnt"], capture_output=True, check=False
-    ).returncode
+    may = (
+        shutil.which("unshare")
+        and not subprocess.run(
+            ["unshare", "-rm", "mount", "-t", "tmpfs", "tmpfs", "/mnt"], capture_output=True, check=False
+        ).returncode
+    )
     if not may:
         pytest.skip("this machine does not let a test mount a small disk of its own (unshare -rm)")
 

@@ -149,9 +149,7 @@ def test_a_search_from_several_headings_finds_what_one_start_misses(stops: list[
     settings = settings_of()
     corner = next(k for k, stop in enumerate(stops) if abs(stop.map_from_body.heading_rad) > 0.3)
     true = (stops[corner - 1].map_from_body.inverse() @ stops[corner].map_from_body).as_array()
-    misled = replace(
-        MOVED, mean=np.array((0.0, 0.0, true[2] - 0.45)), covariance=np.diag((1e-4, 1e-4, 0.15**2))
-    )
+    misled = replace(MOVED, mean=np.array((0.0, 0.0, true[2] - 0.45)), covariance=np.diag((1e-4, 1e-4, 0.15**2)))
     gaps = {}
     for starts in (1, 3):
         own = settings.alignment.model_copy(update={"starts": starts, "gate_first_m": 0.3})

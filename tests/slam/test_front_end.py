@@ -187,9 +187,7 @@ def test_scans_seconds_apart_are_not_compared_and_license_everything() -> None:
 
 
 def test_given_sightings_pass_through_without_the_unusable_ones() -> None:
-    front_end = make_front_end(
-        FrontEndSettings(kind="given"), difference=True, sparse=True, body_from_laser=Pose2()
-    )
+    front_end = make_front_end(FrontEndSettings(kind="given"), difference=True, sparse=True, body_from_laser=Pose2())
     ranges = np.array((3.0, math.nan, -1.0, 5.0))
     sightings = Sightings(7, ranges, np.array((0.1, 0.2, 0.3, -3.0)), np.array((4, 5, 6, -1)))
     features, verdicts = front_end.observe(sightings, Pose2(), Twist(), False)
@@ -222,9 +220,7 @@ ODD_SCANS = st.lists(
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(ODD_SCANS, st.sampled_from(["robust", "paper"]), st.booleans())
-def test_no_scan_whatsoever_breaks_a_front_end(
-    scans: list[tuple[list[float], int]], kind: str, at_rest: bool
-) -> None:
+def test_no_scan_whatsoever_breaks_a_front_end(scans: list[tuple[list[float], int]], kind: str, at_rest: bool) -> None:
     """Empty scans, NaN, infinite, all alike, other numbers of beams, time that stands still or runs backwards."""
     front_end, stamp_ms = robust(kind=kind), 10_000
     for ranges, later_ms in scans:

@@ -271,4 +271,3 @@ def test_features_beyond_the_view_are_not_used() -> None:
     seen = features_at([(11.0, 0.0)])
     assert joint.step(*STILL, seen, unknown(seen))[0] == int(MatchVerdict.OUT_OF_RANGE)
     assert joint.refused == 0
-

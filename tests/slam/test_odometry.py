@@ -352,8 +352,9 @@ def test_a_broken_gap_stays_unknown() -> None:
 
 @given(
     scans_ms=st.lists(st.integers(21, 1019), max_size=8, unique=True).map(sorted),
-    left_m=st.floats(0.0, 0.9), right_m=st.floats(0.0, 0.9),
-)  # fmt: skip
+    left_m=st.floats(0.0, 0.9),
+    right_m=st.floats(0.0, 0.9),
+)
 def test_scans_within_an_unbroken_gap_leave_its_end_where_the_counters_say(
     scans_ms: list[int], left_m: float, right_m: float
 ) -> None:

@@ -26,9 +26,7 @@ def arc(twist: Twist, seconds: float) -> Pose2:
 
 
 @settings(max_examples=15, deadline=None)
-@given(
-    st.floats(-2.0, 2.0), st.floats(-0.5, 0.5), st.floats(-2.0, 2.0), st.integers(0, 40), st.floats(-3.0, 3.0)
-)
+@given(st.floats(-2.0, 2.0), st.floats(-0.5, 0.5), st.floats(-2.0, 2.0), st.integers(0, 40), st.floats(-3.0, 3.0))
 def test_points_are_where_the_laser_really_was_when_each_beam_was_measured(
     speed: float, lateral: float, yaw_rate: float, stamp_beam: int, mount_heading: float
 ) -> None:

@@ -117,9 +117,7 @@ def test_no_wheel_has_moved_wrongly_and_the_pose_stays_near_the_truth(drive: Ben
     assert max(drive.errors_m(0, 1 << 62)) < 3.0 * NEAR_M
 
 
-def test_counts_through_kernel_slcan_are_those_that_were_sent(
-    results: dict[str, dict[str, Any]], out: Path
-) -> None:
+def test_counts_through_kernel_slcan_are_those_that_were_sent(results: dict[str, dict[str, Any]], out: Path) -> None:
     assert results["adapter"]["noise"] > 3
     sent = json.loads((out / "sent.json").read_text())
     record = BenchRecord(out / "slcan")

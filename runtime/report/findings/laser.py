@@ -144,7 +144,7 @@ def _restarts(facts: RunFacts) -> list[Finding]:
             f"scan stamps jump{at}: {'the laser began anew' if restarted else 'stamps stand still or run backwards'}",
             (*((f"{refusals} scans refused by the filter for their stamp",) if refusals else ()), *_told(events)),
             "the laser was switched off and on, or reset itself" if restarted else "the laser's clock misbehaves",
-            "check the laser's power supply and plug" if restarted else 'laser.stamp_reference, or other firmware',
+            "check the laser's power supply and plug" if restarted else "laser.stamp_reference, or other firmware",
             intervals,
         )
     ]

@@ -145,15 +145,39 @@ def _single_events(facts: RunFacts) -> list[Finding]:
     """Things of which one is enough."""
     findings = []
     for kinds, name, severity, title, cause, remedy in (
-        (("jump",), "wheel_jump", Severity.WARN, "a wheel's count jumps", "a disturbed or restarted encoder",
-         "check shielding and supply of the encoder; slam.odometry.max_speed_mps"),
-        (("restart", "gap"), "wheel_node_restarted", Severity.WARN, "a wheel node began anew",
-         "the node lost power or reset itself", "check the node's power supply and plug"),
-        (("emergency",), "wheel_emergency", Severity.ERROR, "a node raises an alarm", "a fault of the node itself",
-         "look the code up in the node's manual"),
-        (BUS, "can_bus", Severity.WARN, "the CAN bus has errors", "wiring, termination or bit rate",
-         "check wiring and termination; encoders.bus.bitrate"),
-    ):  # fmt: skip
+        (
+            ("jump",),
+            "wheel_jump",
+            Severity.WARN,
+            "a wheel's count jumps",
+            "a disturbed or restarted encoder",
+            "check shielding and supply of the encoder; slam.odometry.max_speed_mps",
+        ),
+        (
+            ("restart", "gap"),
+            "wheel_node_restarted",
+            Severity.WARN,
+            "a wheel node began anew",
+            "the node lost power or reset itself",
+            "check the node's power supply and plug",
+        ),
+        (
+            ("emergency",),
+            "wheel_emergency",
+            Severity.ERROR,
+            "a node raises an alarm",
+            "a fault of the node itself",
+            "look the code up in the node's manual",
+        ),
+        (
+            BUS,
+            "can_bus",
+            Severity.WARN,
+            "the CAN bus has errors",
+            "wiring, termination or bit rate",
+            "check wiring and termination; encoders.bus.bitrate",
+        ),
+    ):
         events = facts.events_of("encoders", *kinds)
         if events:
             at = sorted({round(facts.seconds(event.stamp_ns), 1) for event in events})

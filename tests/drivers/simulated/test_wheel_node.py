@@ -29,9 +29,7 @@ def odometer(factor: float = 1.0, slip: float = 0.0, seed: int = 1) -> WheelOdom
 def test_counts_are_whole_and_exact_without_slip() -> None:
     wheel = odometer()
     travels = np.linspace(0.0, 5.0, 400)
-    assert [wheel.count(float(way)) for way in travels] == [
-        math.floor(way * COUNTS_PER_METRE) for way in travels
-    ]
+    assert [wheel.count(float(way)) for way in travels] == [math.floor(way * COUNTS_PER_METRE) for way in travels]
 
 
 def test_a_larger_wheel_counts_less() -> None:
@@ -105,9 +103,7 @@ def test_faults_from_the_configuration_are_on_from_the_start_and_end_by_themselv
 
 def test_a_misspelt_fault_is_refused_by_name() -> None:
     bus = BusSettings(interface="virtual", channel="none")
-    node = WheelNode(
-        SimulatedWheelSettings(), bus, lambda _: (0.0, 0.0), time.monotonic_ns, np.random.default_rng(1)
-    )
+    node = WheelNode(SimulatedWheelSettings(), bus, lambda _: (0.0, 0.0), time.monotonic_ns, np.random.default_rng(1))
     with pytest.raises(ValidationError, match="silense"):
         node.inject({"name": "silense"})
 
@@ -115,9 +111,7 @@ def test_a_misspelt_fault_is_refused_by_name() -> None:
 def test_the_same_seed_sends_the_same_bytes() -> None:
     def sent() -> list[CanFrame]:
         pair = EncoderNodes(SimulatedWheelSettings(), MESSAGES, 0, np.random.default_rng(7))
-        return [
-            frame for beat in range(50) for frame in pair.beat(Wheel.LEFT, beat * 20_000_000, beat * 0.03)
-        ]
+        return [frame for beat in range(50) for frame in pair.beat(Wheel.LEFT, beat * 20_000_000, beat * 0.03)]
 
     assert sent() == sent()
 
@@ -126,9 +120,7 @@ def test_a_node_on_a_bus_keeps_its_period_and_tells_what_it_is_every_second() ->
     bus = BusSettings(interface="virtual", channel=uuid.uuid4().hex)
     settings = SimulatedWheelSettings(info_period_s=0.2)
     listener = CanBus(bus, (), time.monotonic_ns)
-    node = WheelNode(
-        settings, bus, lambda t: (t * 1e-9, t * 1e-9), time.monotonic_ns, np.random.default_rng(1)
-    )
+    node = WheelNode(settings, bus, lambda t: (t * 1e-9, t * 1e-9), time.monotonic_ns, np.random.default_rng(1))
     node.start()
     frames: list[CanFrame] = []
 

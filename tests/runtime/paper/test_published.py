@@ -58,12 +58,10 @@ def test_the_worst_seed_is_one_of_the_figures() -> None:
 
 
 @pytest.mark.parametrize(
-    ("ekf", "verdict"), [((1.2, 1.3), "unscented is better"), ((0.8, 0.9), "unscented is worse"),
-                         ((0.9, 1.2), "no difference")],
-)  # fmt: skip
-def test_unscented_against_ekf_is_judged_by_the_whole_paired_interval(
-    ekf: tuple[float, float], verdict: str
-) -> None:
+    ("ekf", "verdict"),
+    [((1.2, 1.3), "unscented is better"), ((0.8, 0.9), "unscented is worse"), ((0.9, 1.2), "no difference")],
+)
+def test_unscented_against_ekf_is_judged_by_the_whole_paired_interval(ekf: tuple[float, float], verdict: str) -> None:
     outcomes = {
         Cell("V2", PROPOSED): [result(particles_largest_m=1.0, landmarks=3), result(particles_largest_m=1.0)],
         Cell("V2", "ekf"): [result(particles_largest_m=value, landmarks=4) for value in ekf],

@@ -92,14 +92,18 @@ def test_few_seeds_decide_nothing(tmp_path: Path) -> None:
 def test_a_claim_with_many_seeds_is_decided_beside_one_with_few() -> None:
     many, few = [{"landmarks": 20.0, "likelihoods": 1.0}] * 6, [{"landmarks": 90.0, "likelihoods": 250.0}] * 6
     outcomes = {
-        Cell("P", "proposed"): many, Cell("P", "normal"): few,
-        Cell("V2", "proposed"): many, Cell("V2", "normal"): few[:5],
-    }  # fmt: skip
+        Cell("P", "proposed"): many,
+        Cell("P", "normal"): few,
+        Cell("V2", "proposed"): many,
+        Cell("V2", "normal"): few[:5],
+    }
     found = {(claim.where, claim.paper[:3]): claim for claim in claims(outcomes, comparison_rows(outcomes))}
     assert {place: (claim.verdict, claim.seeds) for place, claim in found.items()} == {
-        ("P", "627"): ("holds", 6), ("P", "no "): ("holds", 6),
-        ("V2", "627"): ("undecided", 5), ("V2", "no "): ("undecided", 5),
-    }  # fmt: skip
+        ("P", "627"): ("holds", 6),
+        ("P", "no "): ("holds", 6),
+        ("V2", "627"): ("undecided", 5),
+        ("V2", "no "): ("undecided", 5),
+    }
     assert "-99.6 %" in found["P", "no "].here
     assert "fewer than 6 seeds" in found["V2", "627"].here
     assert "fewer than 6 seeds" not in found["P", "627"].here
@@ -128,8 +132,9 @@ def test_the_table_has_one_row_for_each_arm_whatever_else_ran_in_its_world() -> 
     }
     rows = table1_rows(spread_rows(outcomes))
     assert [(row["arm"], row["mean"], row["paper"]) for row in rows] == [
-        ("proposed", 170.0, 213), ("normal", 480.0, 627),
-    ]  # fmt: skip
+        ("proposed", 170.0, 213),
+        ("normal", 480.0, 627),
+    ]
 
 
 def test_a_study_leaves_pictures_tables_and_a_page_with_every_claim_behind(tmp_path: Path) -> None:

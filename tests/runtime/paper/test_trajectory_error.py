@@ -26,7 +26,6 @@ def path() -> FloatArray:
     return SCATTERED.copy()
 
 
-
 @given(x=metres, y=metres, heading=headings)
 def test_neither_error_depends_on_the_choice_of_frame(x: float, y: float, heading: float) -> None:
     error = trajectory_error(moved(SCATTERED, Pose2(x, y, heading)), SCATTERED)

@@ -103,9 +103,7 @@ def seeded_facts(
     return gather(folder)
 
 
-def _drafts(
-    world: World, scans: list[Scan], rover: Rover, rng: np.random.Generator, duration_s: float
-) -> list[Draft]:
+def _drafts(world: World, scans: list[Scan], rover: Rover, rng: np.random.Generator, duration_s: float) -> list[Draft]:
     times_s = np.arange(0.0, duration_s, 0.02)
     travel = np.array([world.wheel_travel_m(round(time * 1e9)) for time in times_s])
     samples = wheel_counts(times_s, counted(travel, rover, rng))
@@ -213,9 +211,7 @@ def storage_gap(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:
 def laser_late(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:
     """From a moment on every scan comes 0.3 s late."""
     start, scans = int(rng.integers(60, 150)), [draft.scan for draft in drafts]
-    return [
-        d if d.seq <= start else replace(d, scan=None if d.seq <= start + 3 else scans[d.seq - 3]) for d in drafts
-    ]
+    return [d if d.seq <= start else replace(d, scan=None if d.seq <= start + 3 else scans[d.seq - 3]) for d in drafts]
 
 
 def clock_drift(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:

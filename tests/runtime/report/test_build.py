@@ -20,7 +20,7 @@ FRAME = (  # a window of its own cannot be narrower than 500 px
     "onload=\"const d=this.contentDocument;document.body.dataset.seen=d.documentElement.scrollWidth+' '+"
     "this.contentWindow.innerWidth+' '+this.contentWindow.performance.getEntriesByType('resource').length+' '+"
     "[...d.querySelectorAll('svg text')].filter(t=>{{const b=t.getBBox(),v=t.ownerSVGElement.viewBox.baseVal;"
-    "return b.x<-1||b.y<-1||b.x+b.width>v.width+1||b.y+b.height>v.height+1}}).length\"></iframe>"
+    'return b.x<-1||b.y<-1||b.x+b.width>v.width+1||b.y+b.height>v.height+1}}).length"></iframe>'
 )
 
 

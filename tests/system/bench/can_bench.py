@@ -51,13 +51,9 @@ def preloaded(folder: Path) -> dict[str, str]:
     library = folder / "xstate.so"
     if not library.exists():
         if shutil.which("gcc") is None:
-            raise BenchUnavailableError(
-                "User-Mode Linux 6.1 dies on CPUs with AMX; gcc is needed for the way round"
-            )
+            raise BenchUnavailableError("User-Mode Linux 6.1 dies on CPUs with AMX; gcc is needed for the way round")
         source = Path(__file__).with_name("xstate.c")
-        subprocess.run(
-            ["gcc", "-O1", "-shared", "-fPIC", "-o", str(library), str(source), "-ldl"], check=True
-        )
+        subprocess.run(["gcc", "-O1", "-shared", "-fPIC", "-o", str(library), str(source), "-ldl"], check=True)
     return {"LD_PRELOAD": str(library)}
 
 

@@ -83,9 +83,7 @@ class Watch:
         return self.encoders.health().counters
 
 
-def scenario(
-    name: str, watch: Watch, begin: Callable[[], None], end: Callable[[], None], hold_s: float
-) -> None:
+def scenario(name: str, watch: Watch, begin: Callable[[], None], end: Callable[[], None], hold_s: float) -> None:
     """Begin trouble, hold it, end it, and tell how long the way back was."""
     began = time.monotonic()
     begin()
@@ -93,8 +91,14 @@ def scenario(
     state, reason = watch.encoders.health().state, watch.encoders.health().reason
     end()
     recovery_s = watch.until(watch.fresh)
-    report(name, during=str(state), reason=reason, recovery_s=recovery_s, wrong_mm=watch.wrong_motion_mm(),
-           counters=watch.counters())  # fmt: skip
+    report(
+        name,
+        during=str(state),
+        reason=reason,
+        recovery_s=recovery_s,
+        wrong_mm=watch.wrong_motion_mm(),
+        counters=watch.counters(),
+    )
 
 
 def on_vcan() -> None:
@@ -112,20 +116,20 @@ def on_vcan() -> None:
         watch.until(lambda: len(watch.samples) > 100)
         report("plain", recovery_s=first_s, wrong_mm=watch.wrong_motion_mm(), counters=watch.counters())
         nothing: Callable[[], None] = lambda: None  # noqa: E731
-        scenario("interface_down", watch, lambda: shell("ip link set vcan0 down"),
-                 lambda: shell("ip link set vcan0 up"), 1.0)  # fmt: skip
-        scenario("interface_deleted", watch, lambda: shell("ip link del vcan0"),
-                 lambda: shell("ip link add vcan0 type vcan && ip link set vcan0 up"), 1.0)  # fmt: skip
         scenario(
-            "bus_off", watch, lambda: inject_error(0x40, bytes(8)), lambda: inject_error(0x100, bytes(8)), 0.3
+            "interface_down", watch, lambda: shell("ip link set vcan0 down"), lambda: shell("ip link set vcan0 up"), 1.0
         )
         scenario(
-            "passive", watch, lambda: inject_error(0x04, bytes((0, 0x30, 0, 0, 0, 0, 130, 20))), nothing, 0.1
+            "interface_deleted",
+            watch,
+            lambda: shell("ip link del vcan0"),
+            lambda: shell("ip link add vcan0 type vcan && ip link set vcan0 up"),
+            1.0,
         )
+        scenario("bus_off", watch, lambda: inject_error(0x40, bytes(8)), lambda: inject_error(0x100, bytes(8)), 0.3)
+        scenario("passive", watch, lambda: inject_error(0x04, bytes((0, 0x30, 0, 0, 0, 0, 130, 20))), nothing, 0.1)
         scenario("burst", watch, burst, nothing, 0.5)
-        scenario(
-            "clock", watch, lambda: time.clock_settime(time.CLOCK_REALTIME, time.time() + 3600), nothing, 0.5
-        )
+        scenario("clock", watch, lambda: time.clock_settime(time.CLOCK_REALTIME, time.time() + 3600), nothing, 0.5)
         report("events", kinds=sorted(watch.kinds))
         watch.encoders.close()
         assert node.stdin is not None

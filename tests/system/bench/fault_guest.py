@@ -75,9 +75,7 @@ class Trials:
         return worst * 1000.0
 
 
-def repeat(
-    name: str, trials: Trials, begin: Callable[[], None], end: Callable[[], None], hold_s: float
-) -> None:
+def repeat(name: str, trials: Trials, begin: Callable[[], None], end: Callable[[], None], hold_s: float) -> None:
     """All trials of one fault, and what the worst was."""
     trials.watch.until(trials.watch.fresh, 30.0)
     done: list[Trial] = []

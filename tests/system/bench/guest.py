@@ -11,8 +11,13 @@ import time
 from pathlib import Path
 from typing import Any
 
-MODULES = ("net/can/can.ko", "net/can/can-raw.ko", "drivers/net/can/dev/can-dev.ko", "drivers/net/can/vcan.ko",
-           "drivers/net/can/slcan/slcan.ko")  # fmt: skip
+MODULES = (
+    "net/can/can.ko",
+    "net/can/can-raw.ko",
+    "drivers/net/can/dev/can-dev.ko",
+    "drivers/net/can/vcan.ko",
+    "drivers/net/can/slcan/slcan.ko",
+)
 FINIT_MODULE = 313  # x86-64
 ALREADY_LOADED = 17
 BURST_FRAMES = 3000

@@ -98,9 +98,7 @@ def end(name: str, process: "subprocess.Popen[str]", number: signal.Signals) -> 
     except subprocess.TimeoutExpired:
         process.kill()
         out, err = process.communicate()
-    report(
-        name, alive=alive, code=process.returncode, seconds=time.monotonic() - began, out=out, err=err[-2000:]
-    )
+    report(name, alive=alive, code=process.returncode, seconds=time.monotonic() - began, out=out, err=err[-2000:])
 
 
 def phase(name: str, begin: Callable[[], None], hold_s: float, over: Callable[[], None] | None = None) -> None:

@@ -88,9 +88,7 @@ class guest:  # noqa: N801 a context manager that reads as a word
 
     def __enter__(self) -> "subprocess.Popen[bytes]":
         script = self._work / "guest.sh"
-        script.write_text(
-            f"exec /opt/infant/.venv/bin/python -m tests.system.bench.systemd_guest {self._what}\n"
-        )
+        script.write_text(f"exec /opt/infant/.venv/bin/python -m tests.system.bench.systemd_guest {self._what}\n")
         given = {
             "BENCH_TREE": TREE,
             "BENCH_ROOT": self._root,

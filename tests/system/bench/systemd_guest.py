@@ -141,10 +141,15 @@ def installation() -> None:
     second = shell(f"{INFANT} install --json")
     states = [sorted({each["state"] for each in json.loads(done.stdout)["files"]}) for done in (first, second)]
     report(
-        "installation", codes=[first.returncode, second.returncode], states=states, seconds=seconds,
-        said=(first.stderr + second.stderr)[-600:], enabled=shell(f"systemctl is-enabled {UNIT}").stdout.strip(),
-        kept=ROVER.read_text() == SERVICE, user=shell("id infant").stdout.strip(),
-    )  # fmt: skip
+        "installation",
+        codes=[first.returncode, second.returncode],
+        states=states,
+        seconds=seconds,
+        said=(first.stderr + second.stderr)[-600:],
+        enabled=shell(f"systemctl is-enabled {UNIT}").stdout.strip(),
+        kept=ROVER.read_text() == SERVICE,
+        user=shell("id infant").stdout.strip(),
+    )
 
 
 def ordinary_day() -> None:
@@ -158,9 +163,14 @@ def ordinary_day() -> None:
     locked_kb = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmLck"))
     time.sleep(5.0)
     report(
-        "ordinary", ready_s=ready_s, fifo=[main for policy, main in threads.values() if policy == os.SCHED_FIFO],
-        locked_kb=locked_kb, facts=facts(), journal=journal(began)[-1500:], threads=len(threads),
-    )  # fmt: skip
+        "ordinary",
+        ready_s=ready_s,
+        fifo=[main for policy, main in threads.values() if policy == os.SCHED_FIFO],
+        locked_kb=locked_kb,
+        facts=facts(),
+        journal=journal(began)[-1500:],
+        threads=len(threads),
+    )
 
 
 def bus_goes_and_comes() -> None:
@@ -196,10 +206,15 @@ def thread_hangs(name: str, thread_of: Callable[[int], int], limit_s: float) -> 
     holder.kill()
     holder.wait()
     report(
-        name, killed_s=killed_s, back_s=back_s, restarts=int(shown("NRestarts")) - restarts,
-        journal=journal(began)[-2000:], lost_s=(held_ns - last_tick_ns(run)) * 1e-9,
-        verified=verified(run), facts=facts(),
-    )  # fmt: skip
+        name,
+        killed_s=killed_s,
+        back_s=back_s,
+        restarts=int(shown("NRestarts")) - restarts,
+        journal=journal(began)[-2000:],
+        lost_s=(held_ns - last_tick_ns(run)) * 1e-9,
+        verified=verified(run),
+        facts=facts(),
+    )
 
 
 def reader_thread(pid: int) -> int:
@@ -249,7 +264,7 @@ def never_ready() -> None:
 
 
 def bad_configuration() -> None:
-    ROVER.write_text(SERVICE.replace("vcan0", "vcan0\"\nbit_rate = \"fast"))
+    ROVER.write_text(SERVICE.replace("vcan0", 'vcan0"\nbit_rate = "fast'))
     began = time.time()
     shell(f"systemctl reset-failed {UNIT}; systemctl start --no-block {UNIT}")
     until(lambda: shown("ActiveState") == "failed", 30.0)
@@ -273,9 +288,12 @@ def after_the_power_came_back() -> None:
     by_itself_s = until(lambda: shown("ActiveState") == "active", 240.0)
     alive_ns = int((REPORT / "alive").read_text())
     report(
-        "power_is_back", by_itself_s=by_itself_s, lost_s=(alive_ns - last_tick_ns(run)) * 1e-9,
-        verified=verified(run), facts=facts(),
-    )  # fmt: skip
+        "power_is_back",
+        by_itself_s=by_itself_s,
+        lost_s=(alive_ns - last_tick_ns(run)) * 1e-9,
+        verified=verified(run),
+        facts=facts(),
+    )
     stop()
 
 
