@@ -7,10 +7,6 @@ import traceback
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: other thread counts change bits and cost the loop
 os.environ.setdefault("RERUN_ANALYTICS", "off")
 
-from runtime.compile_cache import use_compile_cache
-
-use_compile_cache(os.environ)  # before numba
-
 import typer
 
 from runtime import cli_command, cli_figures, cli_install, cli_live, cli_log, cli_paper, cli_runs, cli_study

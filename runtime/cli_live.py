@@ -177,8 +177,8 @@ def status(
 
 def warmup(as_json: AsJson = False) -> None:
     """Compile the kernels of the filter into the cache, so that no run has to; make and the service call it."""
-    from runtime.compile_cache import forget_other_versions, use_compile_cache
     from slam.estimator import Estimator
+    from slam.kernel_cache import forget_other_versions, use_compile_cache
 
     began_s = time.monotonic()
     with busy("compile the kernels of the filter"):

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from runtime.config import load_configuration
 from runtime.errors import PreflightError, StorageError
+from runtime.source_tree import CONFIG, ROOT
 from runtime.startable import refuse_unusable
 
-SHIPPED = Path(__file__).parents[1]
 SHIPPED_PROGRAM = Path("/opt/infant/.venv/bin/infant")  # as the units of the repository name it
 CONFIGURATION = "etc/infant/rover.toml"
 PLACES = {
@@ -70,8 +70,8 @@ def plan_install(root: Path, program: Path, configuration: Path | None = None) -
     configuration: what becomes /etc/infant/rover.toml where there is none; the repository's own by default.
     Raises ConfigurationError when what will be in force there cannot be used, StorageError when a file cannot be read.
     """
-    files = tuple(_planned(SHIPPED / name, root / place, program) for name, place in PLACES.items())
-    source = configuration or SHIPPED / "config" / "rover.toml"
+    files = tuple(_planned(ROOT / name, root / place, program) for name, place in PLACES.items())
+    source = configuration or CONFIG / "rover.toml"
     refuse_unusable(load_configuration(source), str(source))
     chosen = _planned(source, root / CONFIGURATION, program)
     notes: tuple[str, ...] = ()
@@ -101,7 +101,7 @@ def plan_removal(root: Path, program: Path) -> Plan:
     """What `infant install --remove` would do: units and rules go; runs, the user and an edited configuration stay."""
     files = []
     for name, place in (*PLACES.items(), ("config/rover.toml", CONFIGURATION)):
-        planned = _planned(SHIPPED / name, root / place, program)
+        planned = _planned(ROOT / name, root / place, program)
         kept = place == CONFIGURATION and planned.state is FileState.DIFFERS
         state = FileState.KEPT if kept else FileState.REMOVED
         state = FileState.ABSENT if planned.state is FileState.NEW else state

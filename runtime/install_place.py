@@ -6,6 +6,8 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+from runtime.source_tree import ROOT
+
 HIDDEN = tuple(Path(each) for each in ("/home", "/root", "/run/user", "/tmp", "/var/tmp"))
 """What ProtectHome= and PrivateTmp= of the unit take out of the service's sight."""
 
@@ -41,4 +43,4 @@ def place_trouble(program: Path, needed: Iterable[Path], root: Path = Path("/"))
 
 def needed_paths() -> tuple[Path, ...]:
     """What the program reads besides itself: its environment, the interpreter's home, the packages."""
-    return Path(sys.prefix), Path(sys.executable), Path(sys.base_prefix), Path(__file__).parents[1] / "slam"
+    return Path(sys.prefix), Path(sys.executable), Path(sys.base_prefix), ROOT / "slam"

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-import slam.pose
+from slam.kernel_cache import sources_hash
 
 FORMAT = "1"
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
@@ -25,7 +25,7 @@ def installed_versions() -> dict[str, str]:
     versions = {
         "python": platform.python_version(),
         "machine": platform.machine(),
-        "slam sources": slam_fingerprint(),
+        "slam sources": sources_hash(),
     }
     for package in PACKAGES:
         try:
@@ -33,14 +33,6 @@ def installed_versions() -> dict[str, str]:
         except PackageNotFoundError:
             versions[package] = "absent"
     return versions
-
-
-def slam_fingerprint() -> str:
-    """Hash over the sources of slam: two replays can only be expected to agree where it does."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(slam.pose.__file__).parent.glob("*.py")):
-        digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
 
 
 def other_versions(recorded: Mapping[str, str]) -> list[str]:

@@ -1,13 +1,18 @@
 """The one way in which a function of slam is compiled to machine code.
 
 Strict IEEE arithmetic in written order (no fastmath, no threads), so that a replay repeats every bit.
-The compiled code is cached on disk in the folder that NUMBA_CACHE_DIR names.
+The compiled code is cached on disk; the folder is chosen here, before the first kernel, whoever imports slam.
 """
 
+import os
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+
+from slam.kernel_cache import use_compile_cache
+
+cast(Any, numba.config).CACHE_DIR = str(use_compile_cache(os.environ))
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")

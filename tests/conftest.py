@@ -6,10 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from runtime.compile_cache import use_compile_cache
-
-use_compile_cache(os.environ)  # before any test imports numba
-
 RECORDED = Path(os.environ.get("INFANT_DATA", Path(__file__).parents[1] / ".." / "shared" / "data"))
 
 

@@ -18,9 +18,9 @@ from runtime.importers.wheel_streams import wheel_samples
 from runtime.record_file import RunWriter
 from runtime.run_folder import RunFolder
 from runtime.run_header import RunHeader, installed_versions
+from runtime.source_tree import CONFIG
 from runtime.tick_records import input_records
 
-CONFIGURATIONS = Path(__file__).parents[2] / "config"
 FAMILIES = ("victoria_park", "minesparis", "intel_lab", "aces_austin", "sjursflat", "mrclam", "carmen")
 FAST_SPACING_NS = 100_000_000
 SLOW_SPACING_NS = 50_000_000  # odometry that comes as poses is slow, and relations ask for poses within 50 ms
@@ -74,11 +74,11 @@ def import_data_set(source: Path, out: Path, config: Path | None = None) -> dict
 def configuration_path(archive: Archive) -> Path:
     """The configuration of the family that a set belongs to. Raises DataSetError when there is none."""
     for family in FAMILIES:
-        path = CONFIGURATIONS / f"{family}.toml"
+        path = CONFIG / f"{family}.toml"
         if archive.name.startswith(family) and path.is_file():
             return path
     raise DataSetError(
-        f"{archive.path}: no configuration known for {archive.name!r} in {CONFIGURATIONS}; give one with --config"
+        f"{archive.path}: no configuration known for {archive.name!r} in {CONFIG}; give one with --config"
     )
 
 

@@ -22,11 +22,11 @@ from runtime.importers.wheel_streams import wheel_samples
 from runtime.paper.arms import arm_settings, merged
 from runtime.paper.jobs import Result
 from runtime.paper.recorded_figures import figures_against, shown_paths
+from runtime.source_tree import SHARED_DATA
 from slam.estimator import Estimator
 from slam.settings import SlamSettings
 
 FloatArray = NDArray[np.float64]
-SHARED = Path(__file__).parents[3] / "shared" / "data"
 VICTORIA = "victoria_park"
 CODED = ("mrclam_d6_r1", "mrclam_d6_r2", "mrclam_d6_r3")
 INDOOR = "intel_lab"
@@ -45,7 +45,7 @@ class Poses:
 
 def is_there(data_set: str) -> bool:
     """Whether the recording lies beside the repository."""
-    return (SHARED / data_set).is_dir()
+    return (SHARED_DATA / data_set).is_dir()
 
 
 def recorded_drive(
@@ -64,7 +64,7 @@ def recorded_drive(
     out at random: the published pose has no random part of its own, so this shows how much of it is luck.
     Raises FileNotFoundError where the recording is not there.
     """
-    folder = SHARED / data_set
+    folder = SHARED_DATA / data_set
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder} is not there")
     archive = _archive(folder)

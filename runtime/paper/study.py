@@ -1,6 +1,5 @@
 """The paper's figures and table as jobs, and their results as tables with intervals."""
 
-import hashlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.compile_cache import sources_hash
 from runtime.paper.arms import NORMAL, PROPOSALS, PROPOSED, RANGE_GATED, ablation_arms
 from runtime.paper.blind_step import blind_step
 from runtime.paper.feature_drive import feature_drive
@@ -17,6 +15,7 @@ from runtime.paper.jobs import Job, Result, run_jobs
 from runtime.paper.outdoor_drive import outdoor_drive
 from runtime.paper.recorded_drive import CODED, INDOOR, VICTORIA, is_there, recorded_drive
 from runtime.paper.spread import compare, spread
+from runtime.source_tree import code_hash
 
 FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
@@ -29,10 +28,8 @@ OUTDOOR_S = 60.0
 VICTORIA_PARTICLES = (10, 100)
 LEFT_OUT = 0.05
 NORMAL_SEEDS = 6  # minutes each: enough for its counts and times; its errors are those of the gated form, on all seeds
-JOB_SOURCES = (
-    *("arms", "blind_step", "feature_vote", "feature_drive", "outcome", "outdoor", "outdoor_drive"),
-    *("recorded_drive", "recorded_figures", "trajectory_error", "walkers", "worlds"),
-)
+JOB_SOURCES = ("slam", "drivers.simulated", "runtime.paper")
+"""What a finished job depends on besides the configurations: a change makes every job a new one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +77,12 @@ class Study:
     def job(self, cell: Cell, seed: int) -> Job:
         """One seed of one cell."""
         particles = self.particles if cell.particles is None else cell.particles
-        common: dict[str, Any] = {"seed": seed, "arm": cell.arm, "particles": particles, "code": code_hash()}
+        common: dict[str, Any] = {
+            "seed": seed,
+            "arm": cell.arm,
+            "particles": particles,
+            "code": code_hash(*JOB_SOURCES, configurations=True),
+        }
         if cell.world == BLIND:
             return Job(blind_step, common)
         common["keep_paths"] = seed == 0
@@ -181,14 +183,3 @@ def quantities(results: list[Result]) -> list[str]:
 def column(results: list[Result], name: str) -> FloatArray:
     """One number per seed, (n,)."""
     return np.array([float(result[name]) for result in results])
-
-
-def code_hash() -> str:
-    """Names the state of the method, the simulation and this study: a change makes every job a new one."""
-    root = Path(__file__).parents[2]
-    sources = [*sorted((root / "drivers" / "simulated").glob("*.py")), *sorted((root / "config").glob("*.toml"))]
-    sources += [Path(__file__).with_name(f"{name}.py") for name in JOB_SOURCES]
-    digest = hashlib.sha256(sources_hash().encode())
-    for path in sources:
-        digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:16]

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from runtime.compile_cache import sources_hash
 from runtime.config import load_configuration_text
 from runtime.errors import StorageError, UsageError
 from runtime.evaluate import Trajectories, against_data_set, against_simulation, nothing_known
@@ -16,6 +15,7 @@ from runtime.paper.jobs import Job, Result, run_jobs
 from runtime.paper.tables import write_rows
 from runtime.run_reader import RunReader
 from slam.estimator import Estimator
+from slam.kernel_cache import sources_hash
 
 Row = dict[str, Any]
 

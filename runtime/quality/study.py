@@ -1,7 +1,6 @@
 """Kidnapped, blinded and undisturbed drives over many seeds: how often loss is told, and how often told wrongly."""
 
 import csv
-import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.compile_cache import sources_hash
 from runtime.paper.jobs import Job, Result, run_jobs
 from runtime.quality.drives import BLINDED, KIDNAPPED, MishapKind
 from runtime.quality.trial import PLACES, judged_again, trial
+from runtime.source_tree import code_hash
 from slam.estimate import Quality
 from slam.quality import QualitySettings
 
@@ -53,12 +52,7 @@ class CurvePoint:
 
 def code_name() -> str:
     """Names the state of the method, the simulated world and the drives: a change makes every job a new one."""
-    own, root = Path(__file__), Path(__file__).parents[2]
-    paths = [own.with_name("drives.py"), own.with_name("trial.py")]
-    digest = hashlib.sha256(sources_hash().encode())
-    for path in (*sorted((root / "drivers" / "simulated").glob("*.py")), *paths):
-        digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
+    return code_hash("slam", "drivers.simulated", "runtime.quality.drives", "runtime.quality.trial")
 
 
 def study_jobs(size: StudySize, code: str) -> list[Job]:

@@ -27,12 +27,13 @@ from runtime.config import load_configuration
 from runtime.errors import ConfigurationError, DataSetError, RunExistsError
 from runtime.importers.archive import load_archive
 from runtime.importers.carmen import load_carmen
-from runtime.importers.data_set import CONFIGURATIONS, FAMILIES, import_data_set
+from runtime.importers.data_set import FAMILIES, import_data_set
 from runtime.importers.data_set_truth import DataSetTruth, truth_of
 from runtime.importers.sightings import seen
 from runtime.importers.ticks import LONG_NS, ticks
 from runtime.importers.wheel_streams import agreeing_poses, wheel_samples
 from runtime.run_reader import RunReader
+from runtime.source_tree import CONFIG
 from slam.pose import Pose2, wrap_rad
 
 META = {"name": "victoria_park", "angle_min": -1.0, "angle_increment": 0.5, "range_max": 10.0}
@@ -81,7 +82,7 @@ def test_stamps_count_from_the_start_of_the_set(tmp_path: Path) -> None:
 
 def test_an_import_holds_every_scan_and_every_wheel_sample(tmp_path: Path) -> None:
     source = write_set(tmp_path / "a", SCANS | STEERED)
-    summary = import_data_set(source, tmp_path / "run", CONFIGURATIONS / "carmen.toml")
+    summary = import_data_set(source, tmp_path / "run", CONFIG / "carmen.toml")
     recorded = [again.tick for again in RunReader(tmp_path / "run").ticks()]
     assert [sample for tick in recorded for sample in tick.wheels] == wheel_samples(load_archive(source))
     assert [tick.scan.stamp_ns for tick in recorded if tick.scan] == [50_000_000, 250_000_000, 1_050_000_000]
@@ -134,7 +135,7 @@ def test_a_file_that_is_no_archive_is_refused(tmp_path: Path, content: bytes) ->
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_family_has_a_configuration_that_loads(family: str) -> None:
-    assert load_configuration(CONFIGURATIONS / f"{family}.toml").rover == family
+    assert load_configuration(CONFIG / f"{family}.toml").rover == family
 
 
 def test_a_source_that_is_not_there_is_named(tmp_path: Path) -> None:
@@ -249,7 +250,7 @@ def test_sightings_of_one_instant_are_one_value_without_other_robots(tmp_path: P
 def test_truth_travels_inside_the_run(tmp_path: Path) -> None:
     fixes = {"gt_t": np.array([99.95, 100.5]), "gt_xy": np.array([[1.0, 2.0], [3.0, 4.0]])}
     source = write_set(tmp_path / "a", SCANS | STEERED | fixes | {"gt_good": np.array([False, True])})
-    import_data_set(source, tmp_path / "run", CONFIGURATIONS / "carmen.toml")
+    import_data_set(source, tmp_path / "run", CONFIG / "carmen.toml")
     truth = DataSetTruth.from_attachments(RunReader(tmp_path / "run").attachments)
     assert truth is not None
     assert truth.fixes is not None
@@ -329,7 +330,7 @@ KINDS = {
 @pytest.mark.parametrize("name", ["minesparis_exp1", "sjursflat", "intel_lab", "mrclam_d6_r1"])
 def test_real_recordings_are_imported_whole(recorded_data: Callable[[str], Path], tmp_path: Path, name: str) -> None:
     source = recorded_data(name)
-    summary = import_data_set(source, tmp_path / "run", CONFIGURATIONS / "carmen.toml")
+    summary = import_data_set(source, tmp_path / "run", CONFIG / "carmen.toml")
     recorded = [again.tick for again in RunReader(tmp_path / "run").ticks()]
     scans = [tick for tick in recorded if tick.scan is not None]
     samples = [sample for tick in recorded for sample in tick.wheels]

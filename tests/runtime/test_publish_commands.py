@@ -133,9 +133,9 @@ def test_each_command_over_the_wire_is_obeyed_and_stands_in_the_record(fleet: Fl
         sensors,
         sensors,
         SmallEstimator(SlamSettings(), 1),
-        sinks,
+        sinks,  # type: ignore[arg-type]
         HealthMonitor(),
-        20_000_000,  # type: ignore[arg-type]
+        20_000_000,
         lambda stamp_ns: None,
         lambda *watched: None,
         publisher.drain_events,

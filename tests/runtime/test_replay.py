@@ -187,7 +187,7 @@ def test_the_estimator_itself_replays_to_the_last_bit(imported: Path, tmp_path: 
 
 def test_a_difference_under_other_code_says_so(imported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as other:
-        other.setattr("runtime.run_header.slam_fingerprint", lambda: "of last week")
+        other.setattr("runtime.run_header.sources_hash", lambda: "of last week")
         replay_run(imported, None, tmp_path / "first", False, {})
     monkeypatch.setattr(Estimator, "state_hash", lambda self: bytes(16))
     difference = replay_run(tmp_path / "first", None, None, True, {})["difference"]

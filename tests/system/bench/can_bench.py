@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from runtime.compile_cache import use_compile_cache
+from slam.kernel_cache import use_compile_cache
 
 TREE = Path(__file__).resolve().parents[3]
 PACKAGES = ("user-mode-linux", "can-utils")

@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from slam.kernel_cache import sources_hash
 from tests.system.bench.can_bench import NICE, TREE, BenchUnavailableError, bench_root, preloaded
 
 NEEDED = ("/lib/systemd/systemd", "/usr/bin/journalctl", "/usr/bin/systemctl")
@@ -37,7 +38,7 @@ def run_service_bench(folder: Path) -> Results:
     """
     check_host()
     root = bench_root(folder)
-    kept = folder / f"kernels-{sources_hash()}.tar"
+    kept = folder / f"kernels-{kernels_name()}.tar"
     with tempfile.TemporaryDirectory(prefix="infant-bench-", dir=folder) as given:
         work = Path(given)
         disk = work / "disk.ext4"
@@ -72,12 +73,9 @@ def check_host() -> None:
         raise BenchUnavailableError("needs /sbin/mke2fs (package e2fsprogs)")
 
 
-def sources_hash() -> str:
+def kernels_name() -> str:
     """Names the state of what the kernels are compiled from, and by what."""
-    digest = hashlib.sha256(sys.version.encode())
-    for path in sorted((TREE / "slam").glob("*.py")):
-        digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
+    return f"{sources_hash()}-{hashlib.sha256(sys.version.encode()).hexdigest()[:8]}"
 
 
 class guest:  # noqa: N801 a context manager that reads as a word
