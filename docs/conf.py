@@ -4,7 +4,7 @@ from pathlib import Path
 
 from sphinx.application import Sphinx
 
-from runtime.documents.pages import write_pages
+from docs.generate.pages import write_pages
 
 project = "Infant"
 extensions = ["myst_parser"]

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 RangeArray = NDArray[np.float32]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+VerdictArray = NDArray[np.uint8]  # a verdict for each beam or feature
 
 
 class DriverError(Exception):

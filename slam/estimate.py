@@ -6,11 +6,9 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.measurements import FloatArray, IntArray
 from slam.observations import Features
 from slam.pose import Pose2
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 class Quality(StrEnum):

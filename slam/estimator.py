@@ -9,22 +9,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.measurements import Scan, ScanLike, WheelSample
-from slam.alignment import Alignment
+from drivers.measurements import FloatArray, ScanLike, WheelSample
 from slam.estimate import Estimate
-from slam.evidence import Standing
-from slam.fastslam import NO_SIGHT, FastSlam, ScanOutcome
-from slam.front_end import make_front_end
-from slam.joint import JointGaussian
+from slam.front_end.alignment import Alignment
+from slam.front_end.deskew import Twist, with_motion_noise
+from slam.front_end.front_ends import make_front_end
+from slam.joint.evidence import Standing
+from slam.joint.gaussian import JointGaussian
 from slam.observations import Features
-from slam.odometry import Increment, Odometry
+from slam.odometry.odometry import Increment, Odometry
+from slam.particles.fastslam import FastSlam, ScanOutcome
 from slam.pose import Pose2
 from slam.quality import QualityMonitor
-from slam.settings import SlamSettings
-from slam.sweep import Twist, with_motion_noise
+from slam.settings.slam import SlamSettings
+from slam.visibility import sight_line
 from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, warm_up_window
-
-FloatArray = NDArray[np.float64]
 
 
 def unmarked(stage: str) -> None:
@@ -201,14 +200,3 @@ def compound(pose: Pose2, covariance: FloatArray, increment: Increment) -> Float
     turned = np.array(((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)))
     total: FloatArray = by_pose @ covariance @ by_pose.T + turned @ increment.covariance @ turned.T
     return 0.5 * (total + total.T)
-
-
-def sight_line(scan: ScanLike) -> FloatArray:
-    """The scan as slam.kernels takes it, (3 + N,): first bearing, bearing step, range of no return, ranges."""
-    if not isinstance(scan, Scan) or scan.ranges_m.size < 2:
-        return NO_SIGHT
-    bearings = scan.bearings_rad
-    step = (float(bearings[-1]) - float(bearings[0])) / (bearings.size - 1)
-    if not math.isfinite(step) or step <= 0.0:
-        return NO_SIGHT
-    return np.concatenate(((float(bearings[0]), step, scan.range_max_m), scan.ranges_m.astype(np.float64)))

@@ -3,12 +3,7 @@
 from dataclasses import dataclass
 from enum import IntEnum
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from drivers.measurements import BoolArray, FloatArray, IntArray
 
 
 class BeamVerdict(IntEnum):

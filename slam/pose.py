@@ -7,9 +7,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from drivers.measurements import FloatArray
 
 
 def wrap_rad(angle: float) -> float:

@@ -15,11 +15,11 @@ from drivers.measurements import (
     WheelSample,
     uniform_bearings,
 )
-from slam.joint import JointGaussian
-from slam.joint_association import presume
-from slam.joint_measurement import FIRST_PLACE
+from slam.joint.association import presume
+from slam.joint.gaussian import JointGaussian
+from slam.joint.measurement import FIRST_PLACE
 from slam.observations import Features
-from slam.settings import SlamSettings
+from slam.settings.slam import SlamSettings
 
 RINGS_M = np.array((4.0, 6.0, 9.0, 12.0))
 BEARINGS_RAD = np.array((-1.0, 0.2, 0.9, -0.4))

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-RECORDED = Path(os.environ.get("INFANT_DATA", Path(__file__).parents[1] / ".." / "shared" / "data"))
+from runtime.source_tree import SHARED_DATA
+
+RECORDED = Path(os.environ.get("INFANT_DATA", SHARED_DATA))
 
 
 @pytest.fixture(scope="session")

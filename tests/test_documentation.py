@@ -16,16 +16,16 @@ from urllib.parse import unquote
 import pytest
 import typer
 
-from runtime.cli import app
-from runtime.config import Configuration, load_configuration_text
-from runtime.documents.command_page import error_classes, helps
-from runtime.documents.configuration_page import models_in, tables
-from runtime.documents.pages import PAGES
-from runtime.documents.wire_page import ASKED, PUBLISHED
+from docs.generate.command_page import error_classes, helps
+from docs.generate.configuration_page import models_in, tables
+from docs.generate.pages import PAGES
+from docs.generate.wire_page import ASKED, PUBLISHED
+from runtime.cli.__main__ import app
 from runtime.health import RunState
-from tests.runtime.zenoh_wire import free_port, listening, publishing, put_ticks, settings_on, until
+from runtime.settings.configuration import Configuration, load_configuration_text
+from runtime.source_tree import ROOT
+from tests.support.zenoh.wire import free_port, listening, publishing, put_ticks, settings_on, until
 
-ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 FENCED = re.compile(r"(<!-- not run: [^\n]+ -->\n)?^```(\{?\w*\}?)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"(?<!\!)\[[^\]]+\]\(([^)\s]+)\)|!\[[^\]]*\]\(([^)\s]+)\)")

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
-SYSTEMD = Path(__file__).parents[1] / "systemd"
+from runtime.source_tree import ROOT
+
+SYSTEMD = ROOT / "systemd"
 EXPOSURE_LIMIT = 2.1
 
 pytestmark = pytest.mark.skipif(

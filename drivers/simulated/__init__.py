@@ -1,0 +1,1 @@
+"""How is a rover simulated so that nobody behind the wire can tell? Begin at rover.py."""

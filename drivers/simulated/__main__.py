@@ -11,9 +11,9 @@ import sys
 import time
 from typing import Any, TextIO
 
+from drivers.settings.encoders import EncoderSettings
+from drivers.settings.simulation import SimulationSettings
 from drivers.simulated.rover import Rover
-from drivers.simulated.settings import SimulationSettings
-from drivers.wheel_settings import EncoderSettings
 
 
 def serve(lines: TextIO, answers: TextIO) -> None:

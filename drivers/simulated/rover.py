@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from drivers.simulated.laser_device import LaserDevice
-from drivers.simulated.laser_profiles import profile_of
-from drivers.simulated.settings import SimulationSettings
-from drivers.simulated.wheel_node import WheelNode
-from drivers.simulated.world import World
-from drivers.simulated.world_settings import WorldSettings
-from drivers.wheel_settings import EncoderSettings
+from drivers.settings.encoders import EncoderSettings
+from drivers.settings.simulated_world import WorldSettings
+from drivers.settings.simulation import SimulationSettings
+from drivers.simulated.laser.device import LaserDevice
+from drivers.simulated.laser.profiles import profile_of
+from drivers.simulated.wheels.node import WheelNode
+from drivers.simulated.world.world import World
 
 WHEEL_STREAM = 1  # second word of the seed, so that slip does not repeat the world's own numbers
 FAR_NS = 1 << 62  # monotonic stamps are never this late

@@ -1,0 +1,1 @@
+"""Which geometry, latency and noise explain the drives that were recorded? Begin at calibration.py."""

@@ -4,20 +4,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drivers.measurements import SpeedSteering
+from drivers.measurements import FloatArray, SpeedSteering
 from runtime.calibrate.drive_data import CalibrationStart, DriveData, SteeringStart, check_drives
-from runtime.calibrate.laser_motion import LaserMotion, laser_motion
-from runtime.calibrate.range_noise import RangeNoise, range_noise
 from runtime.calibrate.result import Calibration, Quantity
 from runtime.calibrate.richness import Measure, measures
+from runtime.calibrate.scans.laser_motion import LaserMotion, laser_motion
+from runtime.calibrate.scans.range_noise import RangeNoise, range_noise
 from runtime.calibrate.single_causes import Fit
 from runtime.calibrate.solve import LATENCY_BOUND_S, Solution, solve
 from runtime.calibrate.wheel_model import DifferentialModel, SteeredModel, WheelModel
 from runtime.errors import DataSetError
-
-FloatArray = NDArray[np.float64]
 
 PASSES = 3  # matching needs the motion within a sweep, which the first pass knows only roughly
 SETTLED = 0.2  # of a standard deviation

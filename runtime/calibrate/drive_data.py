@@ -5,14 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drivers.measurements import Scan, SpeedSteering, WheelCounts
+from drivers.measurements import BoolArray, FloatArray, Scan, SpeedSteering, WheelCounts
 from runtime.errors import DataSetError
 from slam.pose import Pose2
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 GAP_S = 0.5  # silence of the wheels after which the motion counts as unknown, as in slam's odometry
 

@@ -7,9 +7,9 @@ from drivers.measurements import Scan, SpeedSteering, WheelCounts
 from runtime.calibrate.calibration import calibrate
 from runtime.calibrate.drive_data import CalibrationStart, DriveData, SteeringStart
 from runtime.calibrate.result import Calibration
-from runtime.config import Configuration, load_configuration_text
 from runtime.errors import DataSetError
-from runtime.run_reader import RunReader
+from runtime.record.reader import RunReader
+from runtime.settings.configuration import Configuration, load_configuration_text
 
 
 def calibrate_runs(

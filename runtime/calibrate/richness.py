@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from runtime.calibrate.laser_motion import LaserMotion
+from drivers.measurements import FloatArray
+from runtime.calibrate.scans.laser_motion import LaserMotion
 from runtime.calibrate.step_errors import body_steps
 from runtime.calibrate.wheel_model import WheelModel
-
-FloatArray = NDArray[np.float64]
 
 STRAIGHT_RAD_PER_M = 0.1  # gentler than a bend of 10 m radius
 

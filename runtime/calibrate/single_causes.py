@@ -11,10 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t
 
-FloatArray = NDArray[np.float64]
+from drivers.measurements import FloatArray
 
 FALSE_ALARM = 0.0005  # of one cause where nothing deviates (3.5 deviations): eight causes make 1 in 250 healthy drives
 RIVAL = 6.0  # difference of squared deviations below which the data prefer one cause to another by less than 20 to 1

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from runtime.calibrate.laser_motion import LaserMotion
+from drivers.measurements import BoolArray, FloatArray
+from runtime.calibrate.scans.laser_motion import LaserMotion
 from runtime.calibrate.step_errors import (
     NOISE_START,
     StepErrors,
@@ -27,9 +27,6 @@ from runtime.calibrate.step_errors import (
     whitening,
 )
 from runtime.calibrate.wheel_model import WheelModel
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 LATENCY_BOUND_S = 0.5  # beyond it is no latency but a fault of the clocks
 LATENCY_STEP_S = 0.1  # the derivative along the latency is the mean speed of so long to either side

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from drivers.measurements import FloatArray
+
 SMALL_RAD = 1e-4  # below this turn the series is exact to the last bit that matters
 
 

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.measurements import FloatArray
 from runtime.calibrate.drive_data import CalibrationStart, SteeringStart, WheelSeries
 from runtime.calibrate.track import Track, track
 from slam.pose import Pose2
-
-FloatArray = NDArray[np.float64]
 
 MOUNT_NAMES = ("laser_x_m", "laser_y_m", "laser_yaw_rad", "laser_latency_s")
 # how far from the start the truth may be (standard deviations): wide, they only keep what is not observed finite

@@ -7,8 +7,8 @@ from typing import Any
 import tomli_w
 
 from runtime.calibrate.result import Calibration, calibration_lines
-from runtime.config import load_configuration_text
 from runtime.errors import ConfigurationError, RunExistsError, StorageError
+from runtime.settings.configuration import load_configuration_text
 
 Tree = dict[str, Any]
 

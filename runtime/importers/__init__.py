@@ -1,0 +1,1 @@
+"""How does a recording of others become a run? Begin at data_set.py."""

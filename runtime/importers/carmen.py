@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import DataSetError
+from runtime.evaluate.rows import relative_poses
 from runtime.importers.archive import Archive
-from runtime.trajectory_files import relative_poses
 
 SUFFIXES = (".log", ".clf", ".carmen", ".gz")
 SICK_NO_RETURN_M = 80.0  # from here on the SICK's readings are codes, not distances

@@ -6,20 +6,21 @@ from pathlib import Path
 from typing import Any
 
 from drivers.measurements import OdometryPose
-from runtime.config import load_configuration
 from runtime.errors import DataSetError
+from runtime.evaluate.truth import ATTACHMENT
 from runtime.importers.archive import Archive, load_archive
 from runtime.importers.carmen import is_carmen, load_carmen
-from runtime.importers.data_set_truth import ATTACHMENT, truth_of
-from runtime.importers.settings import DataSetSettings
 from runtime.importers.sightings import seen
 from runtime.importers.ticks import ticks
+from runtime.importers.truth import truth_of
 from runtime.importers.wheel_streams import wheel_samples
-from runtime.record_file import RunWriter
-from runtime.run_folder import RunFolder
-from runtime.run_header import RunHeader, installed_versions
+from runtime.messages.records import input_records
+from runtime.record.folder import RunFolder
+from runtime.record.header import RunHeader, installed_versions
+from runtime.record.mcap_file import RunWriter
+from runtime.settings.configuration import load_configuration
+from runtime.settings.data_set import DataSetSettings
 from runtime.source_tree import CONFIG
-from runtime.tick_records import input_records
 
 FAMILIES = ("victoria_park", "minesparis", "intel_lab", "aces_austin", "sjursflat", "mrclam", "carmen")
 FAST_SPACING_NS = 100_000_000

@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any
 
 from drivers.measurements import Severity
+from runtime.record.folder import RunFolder
 from runtime.report.figures import figures
 from runtime.report.finding import RANKS
 from runtime.report.gather import gather
 from runtime.report.judge import judge
 from runtime.report.page import page
-from runtime.run_folder import RunFolder
 
 HTML_NAME, JSON_NAME = "report.html", "report.json"
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import StorageError
+from runtime.record.folder import RunFolder
 from runtime.report.facts import RunFacts
 from runtime.report.figures import figures
 from runtime.report.gather import gather
 from runtime.report.judge import judge
 from runtime.report.page import document, plot, section, table, text
 from runtime.report.plots import Line, map_plot, time_plot
-from runtime.run_folder import RunFolder
 
 ABSENT = "-"
 NAMES = ("first", "second")

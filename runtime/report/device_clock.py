@@ -5,10 +5,10 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.measurements import ProtocolError
-from drivers.scip import parse_time
-from runtime.messages import Record, decode_laser_bytes
-from runtime.report.facts import DeviceClock, FloatArray
+from drivers.measurements import FloatArray, ProtocolError
+from drivers.scip.codec import parse_time
+from runtime.messages.tick import Record, decode_laser_bytes
+from runtime.report.facts import DeviceClock
 
 SCAN_HEAD = re.compile(rb"\n99b\n([^\n]{5})\n")  # status line of a streamed scan, then its counter with a check sum
 WRAP_MS = 1 << 24

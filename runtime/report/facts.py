@@ -6,15 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.measurements import Event
+from drivers.measurements import BoolArray, Event, FloatArray
 from runtime.calibrate.drive_data import DriveData
 from runtime.calibrate.result import Calibration
-from runtime.config import Configuration
-from runtime.messages import Gap
+from runtime.messages.tick import Gap
+from runtime.settings.configuration import Configuration
 from slam.estimate import LandmarkMap
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 QUALITIES = ("tracking", "uncertain", "lost")
 """Names of the values in TickColumns.quality."""

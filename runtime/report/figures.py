@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.report.facts import QUALITIES, FloatArray, RunFacts
+from drivers.measurements import FloatArray
+from runtime.report.facts import QUALITIES, RunFacts
 from runtime.report.finding import Finding, silences, worst
 from runtime.report.findings.geometry import geometry_rows
 from runtime.report.judge import verdict

@@ -7,23 +7,22 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drivers.measurements import Event, Scan, SpeedSteering, WheelCounts
+from drivers.measurements import Event, FloatArray, Scan, SpeedSteering, WheelCounts
 from runtime.calibrate.drive_data import DriveData
-from runtime.config import Configuration, load_configuration_text
 from runtime.errors import UsageError
-from runtime.evaluate import Trajectories, against_data_set, against_simulation, nothing_known
-from runtime.importers.data_set_truth import DataSetTruth
+from runtime.evaluate.evaluate import against_data_set, against_simulation, nothing_known
+from runtime.evaluate.truth import DataSetTruth
+from runtime.record.folder import RunFolder
+from runtime.record.reader import RecordedTick, RunReader
+from runtime.record.trajectories import Trajectories
 from runtime.report.device_clock import DeviceClockReader
 from runtime.report.facts import QUALITIES, RunFacts, ScanColumns, TickColumns, WheelColumns
 from runtime.report.findings.geometry import calibrated
-from runtime.run_folder import RunFolder
-from runtime.run_reader import RecordedTick, RunReader
+from runtime.settings.configuration import Configuration, load_configuration_text
 from slam.estimate import Estimate, LandmarkMap
 from slam.observations import BeamVerdict
 
-FloatArray = NDArray[np.float64]
 REST_SCANS = 20  # the first scans, all of them: they stand still and show the range noise
 SCAN_APART_NS = 240_000_000  # then one in 0.25 s suffices for matching and costs a third
 NEAR_M = 6.0  # who walks along is within; bushes and walls, whose edges come and go, are farther from the course

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from html import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.measurements import FloatArray
 from runtime.report.finding import Interval
 
-FloatArray = NDArray[np.float64]
 MOST_POINTS = 600  # more than a phone or a printer shows; every bin keeps its least and its greatest
 BREAK_S, BREAK_STEPS = 0.5, 5.0  # a longer pause than both of these parts a curve
 TOP_OF_ROWS, ROW = 6.0, 31.0

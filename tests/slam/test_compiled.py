@@ -5,29 +5,29 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
-import slam.association
-import slam.gathering
-import slam.joint_association
-import slam.kernels
-import slam.landmark_filter
-import slam.match_bounds
-import slam.pages
-import slam.proposals
+import slam.joint.association
+import slam.particles.association
+import slam.particles.gates
+import slam.particles.gather
+import slam.particles.landmark_filter
+import slam.particles.pages
+import slam.particles.proposals
+import slam.particles.step
 from slam.compiled import leaf
 
 INNER = (
-    slam.association.best_landmark,
-    slam.match_bounds.all_outside,
-    slam.match_bounds.moments_of,
-    slam.proposals.unscented_moments,
-    slam.proposals.linearised_moments,
-    slam.proposals.fold_in,
-    slam.landmark_filter.update_landmark,
-    slam.kernels.update_matches,
-    slam.kernels.lower_missed,
-    slam.gathering.write_back,
-    slam.pages.writable,
-    slam.joint_association.distance_to,
+    slam.particles.association.best_landmark,
+    slam.particles.gates.all_outside,
+    slam.particles.gates.moments_of,
+    slam.particles.proposals.unscented_moments,
+    slam.particles.proposals.linearised_moments,
+    slam.particles.proposals.fold_in,
+    slam.particles.landmark_filter.update_landmark,
+    slam.particles.step.update_matches,
+    slam.particles.step.lower_missed,
+    slam.particles.gather.write_back,
+    slam.particles.pages.writable,
+    slam.joint.association.distance_to,
 )
 
 

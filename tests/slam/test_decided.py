@@ -7,14 +7,13 @@ from numpy.typing import NDArray
 
 from drivers.measurements import OdometryPose, Scan
 from slam.estimator import Estimator
-from slam.joint import JointGaussian
-from slam.joint_settings import JointSettings
+from slam.joint.gaussian import JointGaussian
 from slam.observations import BeamVerdict, Features
 from slam.pose import Pose2
-from slam.settings import SlamSettings
-from tests.slam.corridor import BEARINGS_RAD, ranges_of, ring_of_corridors
+from slam.settings.joint import JointSettings
+from slam.settings.slam import SlamSettings
+from tests.support.slam.corridor import BEARINGS_RAD, ranges_of, ring_of_corridors
 
-FloatArray = NDArray[np.float64]
 NOISE = np.diag((0.03**2, 0.005**2))
 POSTS_M = np.array(((4.0, 3.0), (7.0, -4.0), (12.0, 5.0), (16.0, -3.0), (20.0, 6.0), (25.0, -5.0), (30.0, 4.0)))
 

@@ -7,17 +7,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
-from drivers.measurements import Scan, Sightings, SpeedYawRate, WheelSample, uniform_bearings
+from drivers.measurements import FloatArray, Scan, Sightings, SpeedYawRate, WheelSample, uniform_bearings
 from slam.estimate import Estimate, Quality
-from slam.estimator import Estimator, compound, sight_line
-from slam.odometry import Increment
+from slam.estimator import Estimator, compound
+from slam.odometry.odometry import Increment
 from slam.pose import Pose2
-from slam.settings import SlamSettings
-from tests.slam.scenes import POSTS_M, arc_pose, increment_of, seen_from, settings_of
+from slam.settings.slam import SlamSettings
+from slam.visibility import sight_line
+from tests.support.slam.scenes import POSTS_M, arc_pose, increment_of, seen_from, settings_of
 
-FloatArray = NDArray[np.float64]
 MS = 1_000_000
 TICK = 100 * MS
 
@@ -186,13 +185,13 @@ def test_an_estimator_that_sees_nothing_says_so_and_that_it_is_lost_in_the_end()
 
 @pytest.mark.parametrize("proposal", ["motion", "ekf", "unscented"])
 def test_warming_up_leaves_no_kernel_to_compile_in_the_first_tick(proposal: str) -> None:
-    import slam.kernels
+    import slam.particles.step
 
     chosen = settings_of(proposal=proposal)
     Estimator.warm_up(chosen)
-    compiled = len(slam.kernels.step_particles.signatures)  # type: ignore[attr-defined]
+    compiled = len(slam.particles.step.step_particles.signatures)  # type: ignore[attr-defined]
     drive(Estimator(chosen, 1), 12)
-    assert len(slam.kernels.step_particles.signatures) == compiled == 1  # type: ignore[attr-defined]
+    assert len(slam.particles.step.step_particles.signatures) == compiled == 1  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("model", ["differential", "steered", "speed_yaw_rate", "pose"])

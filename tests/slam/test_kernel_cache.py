@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from runtime.source_tree import ROOT
 from slam import kernel_cache
 from slam.kernel_cache import forget_other_versions, hash_of_files, sources_hash, use_compile_cache
 
-ROOT = Path(__file__).parents[2]
 NOBODY = 65534
 
 

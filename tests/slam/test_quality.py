@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.simulated.world_settings import WorldSettings
-from runtime.quality.drives import BLINDED, KIDNAPPED, Mishap, MishapKind, draw_mishap, moments
+from drivers.settings.simulated_world import WorldSettings
+from runtime.studies.quality.drives import BLINDED, KIDNAPPED, Mishap, MishapKind, draw_mishap, moments
 from slam.estimate import Estimate, Quality
 from slam.estimator import Estimator
-from slam.evidence import Evidence
-from slam.quality import QualityMonitor, QualitySettings
-from slam.settings import SlamSettings
+from slam.joint.evidence import Evidence
+from slam.quality import QualityMonitor
+from slam.settings.quality import QualitySettings
+from slam.settings.slam import SlamSettings
 
 NARROW = np.diag((1e-4, 1e-4, 1e-6))
 GOOD = Evidence(known=20, found=12, missed=0, square=2.0)

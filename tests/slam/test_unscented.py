@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slam.angles import angle_between, cosine_sine, wrapped
-from slam.unscented import UnscentedSettings, pose_root_into, square_root, unscented_transform, unscented_weights
+from slam.settings.sigma_points import UnscentedSettings, unscented_weights
+from slam.unscented import pose_root_into, square_root, unscented_transform
 
 SETTINGS = UnscentedSettings()
 ANGLES = st.floats(-50.0, 50.0)

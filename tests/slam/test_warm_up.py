@@ -11,7 +11,7 @@ from numba.core.dispatcher import Dispatcher
 import slam
 from drivers.measurements import Scan
 from slam.estimator import Estimator
-from slam.settings import SlamSettings
+from slam.settings.slam import SlamSettings
 from slam.warm_up import warm_up_drive, warm_up_settings
 
 # In a process of its own: what other tests have compiled must not hide what the warm-up left out.

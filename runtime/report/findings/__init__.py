@@ -1,0 +1,3 @@
+"""What does each fault look like in the facts of a run? One file for each component; judge.py beside this folder asks
+them all.
+"""

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from drivers.measurements import Severity
+from drivers.measurements import FloatArray, Severity
 from runtime.calibrate.drive_data import CalibrationStart
-from runtime.calibrate.laser_motion import laser_motion
 from runtime.calibrate.recorded_drives import start_from
+from runtime.calibrate.scans.laser_motion import laser_motion
 from runtime.calibrate.wheel_model import DifferentialModel
-from runtime.report.facts import FloatArray, RunFacts
+from runtime.report.facts import RunFacts
 from runtime.report.finding import Finding, Interval, intervals_where, spans_text
 from slam.pose import Pose2
 

@@ -9,11 +9,11 @@ from drivers.measurements import Scan, SpeedSteering, WheelCounts, uniform_beari
 from runtime.calibrate.calibration import calibrate
 from runtime.calibrate.drive_data import CalibrationStart, DriveData, SteeringStart
 from runtime.calibrate.result import Calibration
-from runtime.calibrate.sharpness import misfit_m
 from runtime.calibrate.wheel_model import DifferentialModel
 from runtime.errors import DataSetError
 from slam.pose import Pose2
-from tests.runtime.calibrate.made_drives import START, Rover, park_drive, random_rover
+from tests.support.runtime.made_drives import START, Rover, park_drive, random_rover
+from tests.support.runtime.sharpness import misfit_m
 
 GEOMETRY = (
     *("wheel_radius_left_m", "wheel_radius_right_m", "tread_m"),

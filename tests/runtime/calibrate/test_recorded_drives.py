@@ -6,14 +6,14 @@ import pytest
 from drivers.measurements import OdometryPose, Scan, WheelCounts, WheelSample
 from runtime.calibrate.drive_data import CalibrationStart, SteeringStart
 from runtime.calibrate.recorded_drives import calibrate_runs, load_drive, recorded_configuration, start_from
-from runtime.config import load_configuration_text
 from runtime.errors import DataSetError, NotARunError
-from runtime.record_file import RecordFile
-from runtime.run_header import RunHeader
+from runtime.messages.records import tick_records
+from runtime.record.header import RunHeader
+from runtime.record.mcap_file import RecordFile
+from runtime.settings.configuration import load_configuration_text
 from runtime.tick import Tick
-from runtime.tick_records import tick_records
-from tests.runtime.calibrate.made_drives import BOOT_NS, Rover, park_drive
-from tests.runtime.recorded_values import make_estimate, make_timing
+from tests.support.runtime.made_drives import BOOT_NS, Rover, park_drive
+from tests.support.runtime.recorded_values import make_estimate, make_timing
 
 CONFIGURATION = "[slam.mount]\nx_m = 0.25\n[slam.odometry]\ntread_m = 0.52\n"
 

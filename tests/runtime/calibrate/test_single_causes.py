@@ -1,9 +1,8 @@
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.measurements import FloatArray
 from runtime.calibrate.single_causes import FALSE_ALARM, Fit, single_causes
 
-FloatArray = NDArray[np.float64]
 NAMES = ("a", "b", "c", "d")
 # a and b are hard to tell apart, as the radii of two wheels are from the mount and the latency
 SPREAD: FloatArray = np.array(((1.0, 0.8, 0.2, 0.0), (0.8, 1.0, 0.0, 0.1), (0.2, 0.0, 1.0, 0.0), (0.0, 0.1, 0.0, 1.0)))

@@ -4,7 +4,7 @@ import numpy as np
 
 from runtime.calibrate.solve import solve
 from runtime.calibrate.wheel_model import DifferentialModel
-from tests.runtime.calibrate.made_drives import START, Rover, made_motion, random_rover, weaving
+from tests.support.runtime.made_drives import START, Rover, made_motion, random_rover, weaving
 
 MODEL = DifferentialModel(START)
 

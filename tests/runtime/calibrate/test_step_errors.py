@@ -4,7 +4,7 @@ import pytest
 from runtime.calibrate.step_errors import estimate_noise, slip_from_heading, step_errors, twist_jacobian
 from runtime.calibrate.track import composed, seen_by_laser
 from runtime.calibrate.wheel_model import DifferentialModel
-from tests.runtime.calibrate.made_drives import START, Rover, made_motion, weaving
+from tests.support.runtime.made_drives import START, Rover, made_motion, weaving
 
 
 def _step(distance: float, sideways: float, turn: float) -> np.ndarray:

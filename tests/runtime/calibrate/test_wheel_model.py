@@ -4,10 +4,10 @@ import pytest
 from drivers.measurements import SpeedSteering, WheelCounts
 from runtime.calibrate.drive_data import DriveData, SteeringStart, WheelSeries
 from runtime.calibrate.wheel_model import DifferentialModel, SteeredModel
-from slam.odometry import Odometry
-from slam.odometry_settings import OdometrySettings
-from slam.unscented import UnscentedSettings
-from tests.runtime.calibrate.made_drives import START, Rover, counted, weaving, wheel_counts, wheel_travel_m
+from slam.odometry.odometry import Odometry
+from slam.settings.odometry import OdometrySettings
+from slam.settings.sigma_points import UnscentedSettings
+from tests.support.runtime.made_drives import START, Rover, counted, weaving, wheel_counts, wheel_travel_m
 
 EXACT = Rover(slip=0.0)
 

@@ -4,8 +4,8 @@ import pytest
 
 from runtime.calibrate.result import Calibration, Quantity, calibration_lines
 from runtime.calibrate.write import configuration_changes, write_configuration
-from runtime.config import load_configuration
 from runtime.errors import ConfigurationError, RunExistsError, StorageError
+from runtime.settings.configuration import load_configuration
 
 BASE = """
 rover = "calibrated"

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from runtime.cli import app
+from runtime.cli.__main__ import app
 from runtime.errors import NotARunError
 from runtime.report.build import build_report, is_as_grave
 from runtime.report.compare import build_comparison
-from tests.runtime.report.seeded_runs import FAULTS, seeded_facts
+from tests.support.runtime.seeded_runs import FAULTS, seeded_facts
 
 CHROMIUM = shutil.which("chromium")
 FRAME = (  # a window of its own cannot be narrower than 500 px

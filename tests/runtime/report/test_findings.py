@@ -8,9 +8,9 @@ import pytest
 from drivers.measurements import Event, Severity
 from runtime.report.finding import Finding
 from runtime.report.judge import judge, verdict
-from tests.runtime.calibrate.made_drives import Rover
-from tests.runtime.report.confusion import HEALTHY, grave, is_named, said, table_row
-from tests.runtime.report.seeded_runs import FAULTS, Draft, seeded_facts
+from tests.support.runtime.confusion import HEALTHY, grave, is_named, said, table_row
+from tests.support.runtime.made_drives import Rover
+from tests.support.runtime.seeded_runs import FAULTS, Draft, seeded_facts
 
 QUICK = ("laser_silent", "wheel_stuck", "storage_gap", "rate_low", "left_wheel_smaller")
 SEEDS, HEALTHY_SEEDS = range(5010, 5020), range(4100, 4200)  # none of them was looked at while bounds were chosen

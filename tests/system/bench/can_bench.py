@@ -13,9 +13,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from runtime.source_tree import ROOT as TREE
 from slam.kernel_cache import use_compile_cache
 
-TREE = Path(__file__).resolve().parents[3]
 PACKAGES = ("user-mode-linux", "can-utils")
 MARK = "RESULT "
 BOOT_LIMIT_S = 150

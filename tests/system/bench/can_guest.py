@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.encoders import CanEncoders
 from drivers.measurements import SensorState, WheelCounts
-from drivers.simulated.encoder_nodes import LAYOUT, EncoderNodes
-from drivers.simulated.wheel_settings import SimulatedWheelSettings
-from drivers.wheel_frames import Wheel
-from drivers.wheel_layouts import layout_messages
-from drivers.wheel_settings import BusSettings, EncoderSettings
+from drivers.settings.can import BusSettings
+from drivers.settings.encoders import EncoderSettings
+from drivers.settings.simulated_wheels import SimulatedWheelSettings
+from drivers.simulated.wheels.encoder_nodes import LAYOUT, EncoderNodes
+from drivers.wheels.encoders import CanEncoders
+from drivers.wheels.layouts.choose import layout_messages
+from drivers.wheels.readings import Wheel
 from tests.system.bench.guest import burst, inject_error, load_modules, report, shell
 
 LEFT_MPS, RIGHT_MPS = 0.1, 0.12  # slow, because a guest without real time stamps late by tens of ms

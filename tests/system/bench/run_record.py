@@ -7,9 +7,9 @@ import numpy as np
 
 from drivers.measurements import Event, WheelCounts
 from drivers.simulated.rover import world_for
-from drivers.simulated.world import World
-from runtime.config import load_configuration_text
-from runtime.run_reader import RecordedTick, RunReader
+from drivers.simulated.world.world import World
+from runtime.record.reader import RecordedTick, RunReader
+from runtime.settings.configuration import load_configuration_text
 
 SECOND_NS = 1_000_000_000
 

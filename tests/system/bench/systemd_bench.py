@@ -19,8 +19,9 @@ import time
 from pathlib import Path
 from typing import Any
 
+from runtime.source_tree import ROOT as TREE
 from slam.kernel_cache import sources_hash
-from tests.system.bench.can_bench import NICE, TREE, BenchUnavailableError, bench_root, preloaded
+from tests.system.bench.can_bench import NICE, BenchUnavailableError, bench_root, preloaded
 
 NEEDED = ("/lib/systemd/systemd", "/usr/bin/journalctl", "/usr/bin/systemctl")
 MEMORY = "1500M"

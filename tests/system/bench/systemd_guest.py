@@ -101,7 +101,7 @@ def newest_run() -> Path:
 
 def last_tick_ns(run: Path) -> int:
     """Stamp of the last tick that the record holds, on this machine's monotonic clock."""
-    from runtime.run_reader import RunReader
+    from runtime.record.reader import RunReader
 
     return max(recorded.tick.stamp_ns for recorded in RunReader(run).ticks())
 

@@ -1,0 +1,105 @@
+"""From a URL to an open link with a quiet laser at its end; over a serial line at whatever rate it answers."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from drivers.events import EventLog
+from drivers.laser.conversation import Conversation
+from drivers.laser.handshake import LaserFaultError, NoAnswerError, NotScipError, quieten
+from drivers.laser.link import ByteLink, SerialLink, TcpLink
+from drivers.measurements import DriverError, LinkError, RawTap
+from drivers.scip.codec import OK
+from drivers.settings.laser import BAUDS, LaserSettings, SerialEndpoint, endpoint
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """An open link and the conversation over it."""
+
+    link: ByteLink
+    talk: Conversation
+
+
+class LaserConnector:
+    """Opens links; remembers the baud rate that worked and when the laser was rebooted."""
+
+    def __init__(
+        self,
+        settings: LaserSettings,
+        tap: RawTap | None,
+        now_ns: Callable[[], int],
+        is_closing: Callable[[], bool],
+        events: EventLog,
+    ) -> None:
+        self._settings = settings
+        self._endpoint = endpoint(settings.url)
+        self._tap = tap
+        self._now_ns = now_ns
+        self._is_closing = is_closing
+        self._events = events
+        self._baud: int | None = None
+        self._rebooted_ns: int | None = None
+
+    def connect(self) -> Connection:
+        """An open link to a laser in standby. Raises DriverError; the link is closed then."""
+        if not isinstance(self._endpoint, SerialEndpoint):
+            return self._quietened(TcpLink(self._endpoint, self._settings.connect_timeout_s), attempts=3)
+        wanted, failure = self._endpoint, None
+        for baud in self._rates(wanted):
+            try:
+                connection = self._quietened(SerialLink(wanted, baud), attempts=1)
+            except (NoAnswerError, NotScipError) as error:
+                failure = error
+                continue
+            self._baud = baud
+            if wanted.baud is None or wanted.baud == baud:
+                return connection
+            return self._at_rate(connection, wanted, wanted.baud)
+        assert failure is not None
+        raise failure
+
+    def reboot(self, talk: Conversation) -> None:
+        """RB twice; only sometimes, because a laser that boots says nothing for seconds."""
+        now_ns = self._now_ns()
+        interval_ns = self._settings.reboot_interval_s * 1e9
+        is_recent = self._rebooted_ns is not None and now_ns - self._rebooted_ns < interval_ns
+        if is_recent or not self._settings.reboot_on_fault:
+            return
+        self._rebooted_ns = now_ns
+        self._events.add(now_ns, "reboots", "the laser reported a malfunction and is rebooted")
+        try:
+            for _ in range(2):
+                talk.ask(b"RB", self._settings.reply_timeout_s)
+        except LinkError:
+            return  # it went down before it had answered, which is what was asked
+
+    def _at_rate(self, connection: Connection, wanted: SerialEndpoint, baud: int) -> Connection:
+        """The same laser at the configured rate, or as it is if it refuses that."""
+        try:
+            reply = connection.talk.ask(b"SS%06d" % baud, self._settings.reply_timeout_s)
+        except LinkError:
+            connection.link.close()
+            raise
+        if reply is not None and reply.status not in (OK, "03"):
+            text = f"the laser refuses {baud} baud (status {reply.status}) and runs at {self._baud}; change laser.url"
+            self._events.add(self._now_ns(), "baud_refused", text)
+            return connection
+        connection.link.close()
+        self._baud = baud
+        return self._quietened(SerialLink(wanted, baud), attempts=3)
+
+    def _quietened(self, link: ByteLink, attempts: int) -> Connection:
+        talk = Conversation(link, self._tap, self._now_ns, self._is_closing)
+        try:
+            quieten(talk, self._settings, attempts)
+        except DriverError as error:
+            if isinstance(error, LaserFaultError):
+                self.reboot(talk)
+            link.close()
+            raise
+        return Connection(link, talk)
+
+    def _rates(self, wanted: SerialEndpoint) -> Iterator[int]:
+        """Baud rates in the order in which the laser is likely to answer."""
+        first = [rate for rate in (self._baud, wanted.baud) if rate is not None]
+        yield from dict.fromkeys([*first, *BAUDS])

@@ -1,0 +1,124 @@
+"""From an open link to a known laser: quiet, SCIP 2.0, and its own description. Section by section as the
+specification's start-up wants it; every step may find a stream that still runs or a command left half."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from drivers.laser.conversation import QUIET_S, Conversation
+from drivers.measurements import DeviceError, LinkError, ProtocolError
+from drivers.scip.codec import OK, ScipError, StatusError, is_fault, parse_key_values, parse_time
+from drivers.scip.model import Parameters, is_booting, parse_parameters, trouble_in
+from drivers.settings.laser import LaserSettings
+
+ATTEMPTS = 3
+DRAIN_S = 0.4
+TIME_SYNC_S = 1.0  # UST firmware answers TM slowly; a start must not hang on it
+
+
+class NoAnswerError(LinkError):
+    """The link is open, but nothing on it answers."""
+
+
+class NotScipError(ProtocolError):
+    """Something answers that is no SCIP device, or at another baud rate."""
+
+
+class LaserFaultError(DeviceError):
+    """The laser reports a malfunction of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """What a laser says of itself; version and state hold the lines of VV and II."""
+
+    parameters: Parameters
+    version: dict[str, str]
+    state: dict[str, str]
+
+
+def quieten(talk: Conversation, settings: LaserSettings, attempts: int, drain_first: bool = True) -> None:
+    """Bring the laser to standby in SCIP 2.0, whatever it was doing.
+
+    drain_first: wait until the line is quiet; not needed where the conversation has been in step before.
+
+    Raises NoAnswerError, NotScipError, LaserFaultError, LinkError.
+    """
+    before = talk.received_bytes
+    for attempt in range(attempts):
+        talk.send(b"")  # ends a command that was left half
+        if drain_first or attempt:
+            talk.drain(DRAIN_S)
+        reply = talk.ask(b"QT", settings.reply_timeout_s)
+        if reply is None:
+            continue
+        if reply.legacy:
+            talk.ask(b"SCIP2.0", settings.reply_timeout_s)
+            reply = talk.ask(b"QT", settings.reply_timeout_s)
+        elif reply.status in ("0E", "10"):
+            talk.ask(b"TM2", settings.reply_timeout_s)  # it may be in its time adjustment, where QT is refused
+            reply = talk.ask(b"QT", settings.reply_timeout_s)
+        if reply is not None and reply.status == OK:
+            return
+        if reply is not None and is_fault(reply.status):
+            raise LaserFaultError(f"the laser reports a malfunction (status {reply.status}); it needs a reboot")
+    if talk.received_bytes == before:
+        raise NoAnswerError(f"{settings.url} is open but silent; check that it is the laser, its power and baud rate")
+    first = talk.last_bytes[:16]
+    raise NotScipError(f"{settings.url} answers with {first!r}, which is not SCIP; check port and baud rate")
+
+
+def describe(talk: Conversation, settings: LaserSettings) -> Device:
+    """Ask a quiet laser for VV, PP and II.
+
+    Raises ProtocolError for a description that cannot be used, DeviceError for a laser that is not well or not ready.
+    """
+    parameters = parse_parameters(_key_values(talk, b"PP", settings))
+    version = _optional(talk, b"VV", settings)
+    state = _optional(talk, b"II", settings)
+    if is_booting(state.get("MESM", "")):
+        raise DeviceError("the laser is still booting; waiting for it")
+    if trouble_in(state.get("STAT", "")):
+        raise LaserFaultError(f"the laser reports {state['STAT']!r}; it needs a reboot")
+    return Device(parameters, version, state)
+
+
+def adjust_time(talk: Conversation, settings: LaserSettings, now_ns: Callable[[], int]) -> list[tuple[int, int, int]]:
+    """Answers to TM1 as (host ns before, host ns after, counter ms); empty where the laser has no such mode."""
+    reply = talk.ask(b"TM0", settings.reply_timeout_s)
+    answers: list[tuple[int, int, int]] = []
+    if reply is not None and reply.status in (OK, "02"):
+        until_ns = now_ns() + round(TIME_SYNC_S * 1e9)
+        for _ in range(settings.time_sync_samples):
+            before_ns = now_ns()
+            reply = talk.ask(b"TM1", settings.reply_timeout_s)
+            after_ns = now_ns()
+            if reply is None or reply.status != OK or not reply.lines or after_ns > until_ns:
+                break
+            try:
+                answers.append((before_ns, after_ns, parse_time(reply.lines[0])))
+            except ScipError:
+                continue  # one damaged answer of many
+    talk.ask(b"TM2", settings.reply_timeout_s)
+    return answers
+
+
+def _key_values(talk: Conversation, command: bytes, settings: LaserSettings) -> dict[str, str]:
+    for _ in range(ATTEMPTS):
+        reply = talk.ask(command, settings.reply_timeout_s)
+        if reply is None:
+            talk.drain(QUIET_S)
+            continue
+        if reply.status != OK:
+            raise StatusError(command.decode(), reply.status)
+        try:
+            return parse_key_values(reply)
+        except ScipError:
+            continue  # damaged on the way; asked again
+    raise NoAnswerError(f"{settings.url} does not answer {command.decode()} in a form that can be read")
+
+
+def _optional(talk: Conversation, command: bytes, settings: LaserSettings) -> dict[str, str]:
+    try:
+        return _key_values(talk, command, settings)
+    except StatusError:
+        return {}

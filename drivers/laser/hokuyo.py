@@ -1,0 +1,282 @@
+"""The laser: connects, streams, notices what is wrong, and never gives up.
+
+One thread reads; it waits in the kernel, and holds the interpreter for about 0.1 ms a scan. What the loop calls only
+swaps references.
+"""
+
+import math
+import threading
+import traceback
+from collections.abc import Callable
+
+from drivers.events import EventLog
+from drivers.laser.around_errors import AroundErrors
+from drivers.laser.clock import LaserClock
+from drivers.laser.connect import LaserConnector
+from drivers.laser.conversation import Conversation
+from drivers.laser.counter import Reading
+from drivers.laser.handshake import Device, LaserFaultError, NoAnswerError, NotScipError, adjust_time, describe, quieten
+from drivers.laser.request import scan_request
+from drivers.laser.scans import ScanAssembly
+from drivers.measurements import (
+    DriverError,
+    Event,
+    LinkError,
+    RawTap,
+    Scan,
+    SensorHealth,
+    SensorState,
+    Severity,
+)
+from drivers.scip.codec import DATA, OK, ScanSizeError, StatusError, is_fault
+from drivers.scip.commands import ScanRequest
+from drivers.scip.model import KNOWN_MODELS
+from drivers.settings.laser import LaserSettings
+
+WAIT_S = 0.25  # longest wait in the kernel, so that closing is quick
+CLOSE_S = 1.9
+STALE_PERIODS = 3.5
+SILENT_PERIODS = 3.0
+
+
+class Hokuyo:
+    """A Laser (see measurements) that speaks SCIP over TCP or a serial port; one use: start() once, close() once."""
+
+    def __init__(
+        self,
+        settings: LaserSettings,
+        now_ns: Callable[[], int],
+        tap: RawTap | None = None,
+        alive: Callable[[], None] = lambda: None,
+    ) -> None:
+        """alive: called by the thread whenever it gets round, at least every few seconds."""
+        self._settings = settings
+        self._alive = alive
+        self._now_ns = now_ns
+        around = AroundErrors(tap) if tap is not None and settings.raw == "around_errors" else None
+        self._tap = around if around is not None else tap
+        self._events = EventLog("laser", around.error if around is not None else None)
+        self._clock = LaserClock(settings.drift_max_ppm)
+        self._range_codes: dict[str, int] = {}
+        self._stop = threading.Event()
+        self._connector = LaserConnector(settings, self._tap, now_ns, self._is_stopping, self._events)
+        self._thread = threading.Thread(target=self._run, name="laser", daemon=True)
+        self._fresh: Scan | None = None
+        self._lock = threading.Lock()
+        self._last_scan_ns: int | None = None
+        self._assembly: ScanAssembly | None = None
+        self._device: Device | None = None
+        self._fault = ""
+        self._told: dict[str, str] = {}  # what was told once, by kind
+
+    def start(self) -> None:
+        """Begin to connect, in a thread of its own."""
+        self._thread.start()
+
+    def latest(self) -> Scan | None:
+        """The newest scan that has not been handed out; an older one that nobody took is counted."""
+        with self._lock:
+            scan, self._fresh = self._fresh, None
+        return scan
+
+    def drain_events(self) -> tuple[Event, ...]:
+        """Events since the last call."""
+        return self._events.drain()
+
+    def health(self) -> SensorHealth:
+        """State now; its reason names the last trouble."""
+        now_ns, last_ns, assembly, clock = self._now_ns(), self._last_scan_ns, self._assembly, self._clock
+        trouble = self._events.trouble
+        age_s = math.inf if last_ns is None else (now_ns - last_ns) * 1e-9
+        period_s = assembly.period_s if assembly is not None else 1.0 / self._settings.rate_hz
+        if age_s <= max(self._settings.stale_after_s, STALE_PERIODS * period_s):
+            state, reason = SensorState.FRESH, ""
+        elif self._fault:
+            state, reason = SensorState.FAILED, self._fault
+        elif last_ns is None:
+            state, reason = SensorState.STARTING, trouble or f"connecting to {self._settings.url}"
+        else:
+            state, reason = SensorState.STALE, f"no scan: {age_s:.1f} s since the last; {trouble}".removesuffix("; ")
+        figures = {
+            "period_s": period_s,
+            "clock_offset_ms": clock.offset_ms,
+            "clock_offset_uncertainty_ms": clock.offset_uncertainty_ms,
+            "clock_drift_ppm": clock.drift_ppm,
+            "clock_drift_uncertainty_ppm": clock.drift_uncertainty_ppm,
+            "arrival_delay_ms": clock.delay_ns * 1e-6,
+        }
+        if last_ns is not None:
+            figures["age_s"] = age_s
+        fresh = state is SensorState.FRESH
+        rate_hz = assembly.rate_hz if assembly is not None and fresh else 0.0
+        counters = dict(self._events.counters) | dict(self._range_codes) | {"clock_wraps": clock.wraps}
+        return SensorHealth(state, reason, rate_hz, counters, figures, self._facts())
+
+    def close(self) -> None:
+        """Stop the stream and the thread; at most 2 s."""
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join(CLOSE_S)
+
+    def _facts(self) -> dict[str, str]:
+        facts, device = {"url": self._settings.url}, self._device
+        if device is not None:
+            facts["model"] = device.parameters.model
+            names = {"FIRM": "firmware", "SERI": "serial_number", "PROT": "protocol", "STAT": "state", "MESM": "mode"}
+            told = device.version | device.state
+            facts |= {name: told[key] for key, name in names.items() if key in told}
+        if self._told:
+            facts["advice"] = "; ".join(self._told.values())
+        return facts
+
+    def _is_stopping(self) -> bool:
+        """Asked by the thread wherever it waits, which is its sign of life."""
+        self._alive()
+        return self._stop.is_set()
+
+    def _run(self) -> None:
+        """Connect for ever, waiting longer after each failure in a row."""
+        wait_s = self._settings.retry_min_s
+        while not self._is_stopping():
+            before_ns = self._last_scan_ns
+            try:
+                self._serve()
+            except DriverError as error:
+                if self._stop.is_set():
+                    break
+                self._note_failure(error)
+            except Exception as error:  # noqa: BLE001 a defect here must not cost the rover its laser
+                place = traceback.format_tb(error.__traceback__)[-1]
+                text = " ".join(f"defect in the laser driver, reconnecting: {error!r} {place}".split())
+                self._events.add(self._now_ns(), "defects", text, Severity.ERROR)
+            if self._last_scan_ns != before_ns:
+                wait_s = self._settings.retry_min_s
+            if self._stop.wait(wait_s):
+                break
+            wait_s = min(2.0 * wait_s, self._settings.retry_max_s)
+            self._events.count("reconnects")
+
+    def _note_failure(self, error: DriverError) -> None:
+        kinds = {
+            LaserFaultError: "malfunctions",
+            NotScipError: "not_scip",
+            NoAnswerError: "no_answer",
+            LinkError: "link_errors",
+            StatusError: "refusals",
+        }
+        kind = next((kind for family, kind in kinds.items() if isinstance(error, family)), "bad_descriptions")
+        self._fault = str(error) if isinstance(error, LaserFaultError) else ""
+        severity = Severity.ERROR if self._fault else Severity.WARN
+        self._events.add(self._now_ns(), kind, str(error), severity)
+
+    def _serve(self) -> None:
+        """One connection, from opening to whatever ends it. Raises DriverError."""
+        connection = self._connector.connect()
+        try:
+            self._converse(connection.talk)
+        except LaserFaultError:
+            self._connector.reboot(connection.talk)
+            raise
+        finally:
+            if self._stop.is_set():
+                connection.talk.send(b"QT")  # laser and motor need not run for nobody
+            connection.link.close()
+
+    def _converse(self, talk: Conversation) -> None:
+        """Describe, adjust the clock, stream; a stream without a scan ends the connection. Raises DriverError."""
+        device = describe(talk, self._settings)
+        self._device = device
+        self._welcome(device)
+        request, warnings = scan_request(self._settings, device.parameters)
+        for kind, warning in warnings.items():
+            self._tell_once(kind, warning, Severity.WARN)
+        assembly = ScanAssembly(
+            self._settings, device.parameters, request, self._clock, self._events, self._range_codes
+        )
+        if self._assembly is not None:
+            assembly.follow(self._assembly)
+        self._assembly = assembly
+        while True:
+            if self._settings.time_sync:
+                self._adjust(talk, assembly)
+            self._request_stream(talk, request)
+            began_ns = self._now_ns()
+            self._stream(talk, assembly)
+            if self._last_scan_ns is None or self._last_scan_ns < began_ns:
+                raise LinkError("the laser sends no scan that can be used, even when asked again")
+            self._events.count("stream_restarts")
+            quieten(talk, self._settings, attempts=1, drain_first=False)
+
+    def _request_stream(self, talk: Conversation, request: ScanRequest) -> None:
+        reply = talk.ask(request.encode(), self._settings.reply_timeout_s)
+        if reply is None:
+            raise NoAnswerError(f"{self._settings.url} does not answer {request.command}")
+        if is_fault(reply.status):
+            raise LaserFaultError(f"the laser reports a malfunction (status {reply.status}); it needs a reboot")
+        if reply.status not in (OK, DATA):
+            raise StatusError(request.command, reply.status, "see laser.command and laser.cluster")
+
+    def _adjust(self, talk: Conversation, assembly: ScanAssembly) -> None:
+        answers = adjust_time(talk, self._settings, self._now_ns)
+        reading = self._clock.synchronise(answers, assembly.nominal_delay_ns)
+        if reading is Reading.RESTARTED:
+            self._events.add(self._now_ns(), "clock_restarts", "the laser's clock began anew")
+        if not answers:
+            text = "the laser does not tell its clock (TM); stamps rest on the delay that its model should have"
+            self._tell_once("no_time_sync", text, Severity.INFO)
+
+    def _stream(self, talk: Conversation, assembly: ScanAssembly) -> None:
+        """Hand out scans until none comes for too long, or the stream has to be asked for again. Raises DriverError."""
+        silence_ns = round(max(self._settings.silence_s, SILENT_PERIODS * assembly.period_s) * 1e9)
+        alive_ns = self._now_ns()
+        bytes_before = talk.received_bytes
+        while not self._is_stopping():
+            waited_ns = self._now_ns() - alive_ns
+            if waited_ns >= silence_ns:
+                self._note_silence(talk.received_bytes > bytes_before, silence_ns)
+                return
+            for raw in talk.receive(min(WAIT_S, (silence_ns - waited_ns) * 1e-9)):
+                try:
+                    scan = assembly.take(raw)
+                except ScanSizeError:
+                    return
+                except StatusError as error:
+                    if is_fault(error.status):
+                        raise LaserFaultError(str(error)) from error
+                    raise
+                if scan is not None:
+                    self._hand_out(scan, raw.stamp_ns)
+                    alive_ns, bytes_before = raw.stamp_ns, talk.received_bytes
+            if assembly.clock_restarted:
+                assembly.clock_restarted = False
+                return
+
+    def _note_silence(self, has_bytes: bool, silence_ns: int) -> None:
+        kind = "garbage" if has_bytes else "silences"
+        what = "only bytes that hold no usable scan" if has_bytes else "nothing"
+        text = f"{what} came from the laser for {silence_ns * 1e-9:.1f} s; asking again"
+        self._events.add(self._now_ns(), kind, text)
+
+    def _hand_out(self, scan: Scan, arrival_ns: int) -> None:
+        with self._lock:
+            superseded, self._fresh = self._fresh, scan
+        self._last_scan_ns = arrival_ns
+        self._fault = self._events.trouble = ""
+        self._events.count("scans")
+        if superseded is not None:
+            self._events.count("superseded_scans")
+
+    def _welcome(self, device: Device) -> None:
+        model = device.parameters.model
+        product = device.version.get("PROD", "")
+        if not any(known in model or known in product for known in KNOWN_MODELS):
+            text = f"laser model {model!r} is not known; working from what it says of itself"
+            self._tell_once("unknown_model", text, Severity.WARN)
+        firmware = device.version.get("FIRM", "unknown")
+        self._events.add(self._now_ns(), "connections", f"laser {model}, firmware {firmware}, found", Severity.INFO)
+        self._events.trouble = ""
+
+    def _tell_once(self, kind: str, text: str, severity: Severity) -> None:
+        if kind not in self._told:
+            self._told[kind] = text
+            self._events.add(self._now_ns(), kind, text, severity)

@@ -1,0 +1,56 @@
+"""[encoders.bus]: which CAN interface, at which bit rate, and when it counts as silent."""
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class BusSettings(BaseModel):
+    """One CAN bus as python-can knows it; any interface that python-can has can be named."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    interface: str = Field(
+        default="udp_multicast",
+        pattern=r"^[a-z0-9_]+$",
+        description="python-can interface: socketcan, slcan, pcan, kvaser, gs_usb, virtual, udp_multicast, ...",
+    )
+    channel: str = Field(
+        default="239.74.163.2",
+        min_length=1,
+        description="can0, a serial device, or the multicast group; the default is python-can's own IPv4 group",
+    )
+    bitrate: int = Field(
+        default=500_000,
+        ge=10_000,
+        le=1_000_000,
+        description="bit/s; given to adapters that take it, named in advice otherwise",
+    )
+    port: int = Field(
+        default=0,
+        ge=0,
+        le=65_535,
+        description="UDP port of udp_multicast; 0: the simulated node picks one that is free",
+    )
+    options: dict[str, bool | int | float | str] = Field(
+        default_factory=dict, description="further keyword arguments of that python-can interface"
+    )
+    silence_s: float = Field(
+        default=0.5,
+        ge=0.1,
+        le=30.0,
+        description="seconds without any frame after which the bus is opened again",
+    )
+    backoff_min_s: float = Field(
+        default=0.1, ge=0.01, le=5.0, description="seconds before the first new attempt to open"
+    )
+    backoff_max_s: float = Field(
+        default=0.5,
+        ge=0.05,
+        le=60.0,
+        description="longest wait between attempts; a bus that is back must be used within 1 s",
+    )
+    receive_buffer_bytes: int = Field(
+        default=8_388_608,
+        ge=4096,
+        le=67_108_864,
+        description="asked of the kernel: a second of 20 000 frames",
+    )

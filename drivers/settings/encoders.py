@@ -1,0 +1,87 @@
+"""Settings of the wheel encoders: the bus, where in the frames the counts are, and what motion is possible."""
+
+import math
+from typing import Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from drivers.settings.can import BusSettings
+from drivers.settings.layouts import DbcLayout, Layout
+
+
+class WheelSettings(BaseModel):
+    """One wheel's counter."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    sign: Literal[1, -1] = Field(default=1, description="-1 where the counter falls while the rover drives forward")
+    modulus: int = Field(
+        default=0,
+        ge=0,
+        le=2**63,
+        description="the counter wraps here (65536, 9000, object 6002h); 0: as wide as its signal",
+    )
+
+
+class EncoderSettings(BaseModel):
+    """The table [encoders] of the configuration."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    bus: BusSettings = Field(default_factory=BusSettings)
+    layout: Layout = Field(default_factory=DbcLayout)
+    left: WheelSettings = Field(default_factory=WheelSettings)
+    right: WheelSettings = Field(default_factory=WheelSettings)
+    counts_per_rev: float = Field(
+        default=4096.0,
+        gt=0.0,
+        le=1e9,
+        description="counts per turn of the wheel; 1024 lines x 4 on the rover",
+    )
+    wheel_radius_m: float = Field(
+        default=0.125, gt=0.001, le=5.0, description="nominal; only to judge what motion is possible"
+    )
+    max_speed_mps: float = Field(
+        default=1.944,
+        gt=0.01,
+        le=100.0,
+        description="top speed of a wheel; 7 km/h (paper, Table II); 1.5 times this is a jump",
+    )
+    period_ms: float = Field(default=20.0, ge=1.0, le=1000.0, description="time between two frames of one wheel")
+    degraded_periods: float = Field(
+        default=3.0, ge=1.5, le=100.0, description="silence after which a wheel is degraded"
+    )
+    silent_periods: float = Field(
+        default=10.0, ge=2.0, le=1000.0, description="silence after which the samples are invalid"
+    )
+    speed_tolerance_m: float = Field(
+        default=0.008,
+        ge=0.0,
+        le=10.0,
+        description="counts and speed signal may drift apart by this over half a second, below 1 cm so that a stuck "
+        "counter never turns the rover; 0: not compared, for devices that filter their speed",
+    )
+    stuck_travel_m: float = Field(
+        default=0.5,
+        ge=0.05,
+        le=100.0,
+        description="travel of one wheel during which the other stands still that is reported",
+    )
+
+    @property
+    def counts_per_metre(self) -> float:
+        """Counts for one metre rolled."""
+        return self.counts_per_rev / (2.0 * math.pi * self.wheel_radius_m)
+
+    @property
+    def period_ns(self) -> int:
+        """Time between two frames of one wheel."""
+        return round(self.period_ms * 1e6)
+
+    @model_validator(mode="after")
+    def _silence_follows_degradation(self) -> Self:
+        if self.silent_periods <= self.degraded_periods:
+            raise ValueError(
+                f"silent_periods above degraded_periods ({self.degraded_periods:g}), not {self.silent_periods:g}"
+            )
+        return self

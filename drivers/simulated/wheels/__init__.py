@@ -1,0 +1,1 @@
+"""How do simulated wheel nodes send, and how do they fail? Begin at node.py."""

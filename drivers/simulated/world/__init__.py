@@ -1,0 +1,1 @@
+"""What stands and who walks around the simulated rover, and where does it drive? Begin at world.py."""

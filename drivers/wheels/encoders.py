@@ -1,0 +1,274 @@
+"""The wheel encoders on a CAN bus: one supervised reader thread around pure parts."""
+
+import errno
+import threading
+from collections import Counter, deque
+from collections.abc import Callable
+
+from drivers.canbus.advice import bitrate_advice, bus_off_advice
+from drivers.canbus.arrival_clock import ArrivalClock
+from drivers.canbus.bus import BusReadError, CanBus
+from drivers.canbus.error_frames import BusCondition, ErrorFrames
+from drivers.canbus.frame import ERROR, CanFrame
+from drivers.events import EventLog
+from drivers.measurements import (
+    Event,
+    LinkError,
+    RawTap,
+    SensorHealth,
+    SensorState,
+    Severity,
+    WheelCounts,
+)
+from drivers.settings.encoders import EncoderSettings
+from drivers.wheels.layouts.choose import wheel_frames
+from drivers.wheels.pair import WheelPair
+
+WAIT_S = 0.1  # how often a reader without frames looks up: ages are judged and close() is heard
+ERRORS_BEFORE_REOPENING = 3  # one broken line of slcan is no reason, a poisoned buffer is
+ERRORS_WITHOUT_GOOD = 50  # error frames in a row after which the bit rate is doubted
+OVERFLOW = (
+    "frames were lost because the kernel's buffer was full; raise encoders.bus.receive_buffer_bytes and "
+    "sudo sysctl net.core.rmem_max, or relieve the processor"
+)
+LATE = "frames waited before they were read; the counts stay right, but the processor is overloaded"
+CLOCK_JUMP = "the system clock has jumped; ages and stamps are of the monotonic clock and stay right"
+RATE_WINDOW_NS = 2_000_000_000
+LATE_NS = 150_000_000  # a frame that was read so long after its arrival tells of a reader that was held up
+LOOK_NS = 200_000_000  # how often the kernel is asked what it threw away
+
+
+class CanEncoders:
+    """Implements Encoders. The thread owns the bus; everything else is under one lock that is never held while waiting.
+
+    Raises DriverError at once where the layout cannot be used: that is configuration, and waiting does not mend it.
+    """
+
+    def __init__(
+        self,
+        settings: EncoderSettings,
+        now_ns: Callable[[], int],
+        tap: RawTap | None = None,
+        alive: Callable[[], None] = lambda: None,
+    ) -> None:
+        """alive: called by the thread whenever it gets round, at least every few seconds."""
+        self._settings = settings
+        self._alive = alive
+        self._now_ns = now_ns
+        self._tap = tap
+        self._events = EventLog("encoders")
+        self._frames = wheel_frames(settings)
+        self._pair = WheelPair(settings, self._frames, self._events)
+        self._errors = ErrorFrames()
+        self._counters: Counter[str] = Counter()
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._link_trouble = "not started"
+        self._handed_out: deque[int] = deque(maxlen=256)
+        self._started_ns = now_ns()
+
+    def start(self) -> None:
+        """Begin reading; the bus may come later."""
+        self._thread = threading.Thread(target=self._run, name="encoders", daemon=True)
+        self._thread.start()
+
+    def drain(self) -> tuple[WheelCounts, ...]:
+        """All samples since the last call, oldest first; judges silence even where the thread is held up."""
+        with self._lock:
+            self._pair.check(self._now_ns())
+            samples = self._pair.take()
+            self._handed_out.extend(sample.stamp_ns for sample in samples if sample.valid)
+        return samples
+
+    def drain_events(self) -> tuple[Event, ...]:
+        """Events since the last call."""
+        with self._lock:
+            return self._events.drain()
+
+    def health(self) -> SensorHealth:
+        """State now, every counter by reason, and the bus as the controller sees it."""
+        with self._lock:
+            now_ns = self._now_ns()
+            state, reason = self._state(now_ns)
+            counters = {
+                f"bus.{name}": count
+                for name, count in (self._counters + self._errors.counters + self._pair.counters).items()
+            }
+            ages = {}
+            for wheel in (self._pair.left, self._pair.right):
+                counters |= {f"{wheel.wheel}.{name}": count for name, count in wheel.counters.items() if count}
+                age_ns = wheel.age_ns(now_ns)
+                if age_ns is not None:
+                    ages[f"{wheel.wheel}_age_s"] = age_ns * 1e-9
+            recent = sum(1 for stamp_ns in self._handed_out if now_ns - stamp_ns < RATE_WINDOW_NS)
+            facts = {
+                "bus": f"{self._settings.bus.interface} {self._settings.bus.channel}",
+                "condition": str(self._errors.condition),
+            }
+            return SensorHealth(state, reason, recent / (RATE_WINDOW_NS * 1e-9), counters, ages, facts)
+
+    def close(self) -> None:
+        """Stop the thread, which leaves the bus; returns within 2 s whatever the bus does."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join(1.9)
+
+    def _state(self, now_ns: int) -> tuple[SensorState, str]:
+        """FAILED: odometry is not to be used; STALE: degraded; STARTING: never heard so far."""
+        pair, bus = self._pair, self._settings.bus
+        if self._link_trouble:
+            return SensorState.FAILED, self._link_trouble
+        if self._errors.condition is BusCondition.OFF:
+            return SensorState.FAILED, bus_off_advice(bus)
+        if self._errors.since_good >= ERRORS_WITHOUT_GOOD:
+            return SensorState.FAILED, bitrate_advice(bus)
+        trouble = pair.trouble(now_ns)
+        if trouble:
+            return SensorState.FAILED, trouble
+        degraded_ns = self._settings.degraded_periods * self._settings.period_ns
+        for wheel in (pair.left, pair.right):
+            age_ns = wheel.age_ns(now_ns)
+            if age_ns is None:
+                return (
+                    SensorState.STARTING,
+                    f"{wheel.wheel} wheel: not heard so far; check power and cable of the node",
+                )
+            if age_ns > degraded_ns:
+                return SensorState.STALE, f"{wheel.wheel} wheel: late by {age_ns * 1e-6:.0f} ms"
+            if wheel.stuck:
+                return (
+                    SensorState.STALE,
+                    f"{wheel.wheel} wheel: no count while the other wheel rolls; check its encoder",
+                )
+        if self._errors.condition is not BusCondition.ACTIVE:
+            return (
+                SensorState.STALE,
+                f"CAN controller is {self._errors.condition}; check cable and termination",
+            )
+        return SensorState.FRESH, "both wheels are heard"
+
+    def _is_stopping(self) -> bool:
+        """Asked by the thread wherever it waits, which is its sign of life."""
+        self._alive()
+        return self._stop.is_set()
+
+    def _run(self) -> None:
+        """Open, read until the bus fails, open again with back-off; for as long as the rover runs."""
+        bus_settings = self._settings.bus
+        wait_s, silence_s = bus_settings.backoff_min_s, bus_settings.silence_s
+        clock = ArrivalClock()
+        while not self._is_stopping():
+            try:
+                bus = CanBus(bus_settings, self._frames.ids, self._now_ns, clock)
+            except LinkError as error:
+                self._note_link("open", str(error))
+                self._stop.wait(wait_s)
+                wait_s = min(2.0 * wait_s, bus_settings.backoff_max_s)
+                continue
+            with self._lock:
+                self._counters["sessions"] += 1
+                self._link_trouble = ""
+                self._errors.reopened()
+            try:
+                heard = self._read(bus, silence_s)
+            finally:
+                bus.close()
+            wait_s = bus_settings.backoff_min_s if heard else min(2.0 * wait_s, bus_settings.backoff_max_s)
+            # an idle bus is not opened again twice a second for ever
+            silence_s = bus_settings.silence_s if heard else min(2.0 * silence_s, 8.0 * bus_settings.silence_s)
+            self._stop.wait(wait_s)
+
+    def _read(self, bus: CanBus, silence_s: float) -> bool:
+        """Feed frames until the bus is to be opened anew; returns whether any frame was heard."""
+        heard, errors, jumps = False, 0, bus.clock_jumps
+        last_ns = looked_ns = self._now_ns()
+        overflowed = 0
+        self._wake_up(bus)
+        while not self._is_stopping():
+            try:
+                frame = bus.receive(WAIT_S)
+            except BusReadError as error:
+                errors += 1
+                self._note_link("read", str(error))
+                if error.number != errno.ENETDOWN and (error.number is not None or errors >= ERRORS_BEFORE_REOPENING):
+                    return heard
+                self._stop.wait(WAIT_S)  # the same socket works again when the interface is up
+                continue
+            now_ns = self._now_ns()
+            if now_ns - looked_ns > LOOK_NS:
+                looked_ns, before, overflowed = now_ns, overflowed, bus.overflowed
+                if overflowed > before:
+                    self._tell("overflow", overflowed - before, OVERFLOW)
+            if frame is None:
+                with self._lock:
+                    self._pair.check(now_ns)
+                if now_ns - last_ns > silence_s * 1e9:
+                    self._note_link("silent", self._silence())
+                    return heard
+                continue
+            heard, errors, last_ns = True, 0, now_ns
+            self._take(bus, frame)
+            if now_ns - frame.stamp_ns > LATE_NS:
+                self._tell("late", 1, LATE)
+            if bus.clock_jumps != jumps:
+                jumps = bus.clock_jumps
+                self._tell("clock_jump", 1, CLOCK_JUMP, Severity.INFO)
+        return heard
+
+    def _tell(self, kind: str, count: int, text: str, severity: Severity = Severity.WARN) -> None:
+        """Count and tell what is no failure of the link."""
+        with self._lock:
+            self._counters[kind] += count
+            self._events.add(self._now_ns(), kind, text, severity)
+
+    def _take(self, bus: CanBus, frame: CanFrame) -> None:
+        """One frame: recorded first, then judged."""
+        if self._tap is not None:
+            self._tap.can_frame(*frame[:2], frame.flags, frame.data)
+        with self._lock:
+            self._link_trouble = ""
+            if frame.flags & ERROR:
+                self._take_error(frame)
+                return
+            good = self._pair.good_frames
+            self._pair.feed(frame)
+            if self._pair.good_frames != good:
+                self._errors.good_frame()
+            wanted = self._pair.left.wake_up_wanted or self._pair.right.wake_up_wanted
+            self._pair.left.wake_up_wanted = self._pair.right.wake_up_wanted = False
+        if wanted:
+            self._wake_up(bus)
+
+    def _take_error(self, frame: CanFrame) -> None:
+        before = self._errors.condition
+        names = self._errors.error(frame.arbitration_id, frame.data)
+        if self._errors.condition is BusCondition.OFF:
+            self._events.add(frame.stamp_ns, "bus_off", bus_off_advice(self._settings.bus), Severity.ERROR)
+        elif self._errors.since_good == ERRORS_WITHOUT_GOOD:
+            self._events.add(frame.stamp_ns, "bitrate", bitrate_advice(self._settings.bus), Severity.ERROR)
+        elif self._errors.condition is not before or "restarted" in names:
+            text = f"CAN controller says {', '.join(names)}; it is now {self._errors.condition}"
+            self._events.add(frame.stamp_ns, names[0], text)
+
+    def _wake_up(self, bus: CanBus) -> None:
+        """Tell CANopen nodes to start sending."""
+        for frame in self._frames.wake_up:
+            try:
+                bus.send(frame)
+            except BusReadError as error:
+                self._note_link("send", str(error), keep=True)
+
+    def _silence(self) -> str:
+        if self._errors.since_good:
+            return bitrate_advice(self._settings.bus)
+        bus = self._settings.bus
+        return f"CAN bus {bus.interface} {bus.channel}: no frame at all; check that the nodes have power"
+
+    def _note_link(self, kind: str, text: str, keep: bool = False) -> None:
+        """Count and tell trouble of the bus. keep: the link is not failed by it."""
+        with self._lock:
+            self._counters[kind] += 1
+            self._events.add(self._now_ns(), kind, text, key=f"{kind} {text}")
+            if not keep:
+                self._link_trouble = text

@@ -1,0 +1,1 @@
+"""Which bytes of which frame hold a count? Begin at choose.py."""

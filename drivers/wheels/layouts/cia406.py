@@ -1,0 +1,110 @@
+"""CANopen encoders after CiA 406, decoded from the process data mapping in their EDS.
+
+The decoder reads frames like any other layout, so that one reader thread supervises every kind of wheel;
+canopen is used for the object dictionary only.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from drivers.canbus.frame import CanFrame
+from drivers.measurements import DriverError
+from drivers.settings.encoders import EncoderSettings
+from drivers.settings.layouts import Cia406Layout
+from drivers.settings.wheel_signals import MessageSettings, SignalSettings, WheelSignals
+from drivers.wheels.layouts.routes import built_message, frames_of, source_file
+from drivers.wheels.readings import Decoded, Decoder, NodeAlarm, NodeState, Route, Wheel, WheelFrames
+
+POSITION, TOTAL_RANGE = 0x6004, 0x6002
+HEARTBEAT, EMERGENCY = 0x700, 0x080
+NMT_START = 0x01
+SIGNED_TYPES = (0x02, 0x03, 0x04, 0x15)  # CiA 301 data types INTEGER8, 16, 32, 64
+
+
+def cia406_frames(layout: Cia406Layout, settings: EncoderSettings) -> WheelFrames:
+    """Routes for process data, heartbeat and emergency of both nodes.
+
+    Raises DriverError where canopen is missing or the EDS does not map a position.
+    """
+    nodes = {Wheel.LEFT: layout.left_node, Wheel.RIGHT: layout.right_node}
+    path = source_file(layout.file)
+    messages, total_range = {}, 0
+    for wheel, node in nodes.items():
+        dictionary = read_eds(path, node)
+        settings_of_message = mapped_message(dictionary, layout.tpdo, wheel, path)
+        messages[wheel.value] = built_message(settings_of_message)
+        total_range = _default(dictionary, TOTAL_RANGE, 0)
+    left, right = (WheelSignals(message=wheel.value, count="position") for wheel in nodes)
+    frames = frames_of(messages, left, right, settings)
+    routes = dict(frames.routes)
+    for wheel, node in nodes.items():
+        routes[HEARTBEAT + node] = Route((wheel,), False, 1, _heartbeat(wheel))
+        routes[EMERGENCY + node] = Route((wheel,), False, 8, _emergency(wheel))
+    chosen = {Wheel.LEFT: settings.left.modulus, Wheel.RIGHT: settings.right.modulus}
+    modulus = {wheel: chosen[wheel] or total_range or frames.modulus[wheel] for wheel in nodes}
+    start = tuple(CanFrame(0, 0, bytes((NMT_START, node))) for node in nodes.values()) if layout.start_nodes else ()
+    return WheelFrames(routes, modulus, frames.alive_modulus, True, start)
+
+
+def read_eds(path: Path, node: int) -> Any:
+    """canopen's object dictionary of the file for this node number."""
+    try:
+        import canopen
+    except ImportError as error:
+        raise DriverError(
+            "layout.kind = 'cia406' needs the package canopen; install it with: pip install 'infant[canopen]'"
+        ) from error
+    if not path.is_file():
+        raise DriverError(f"{path}: no such file; give the path of the encoder's EDS in layout.file")
+    try:
+        return canopen.import_od(str(path), node)
+    except (ValueError, KeyError, UnicodeDecodeError, canopen.ObjectDictionaryError) as error:
+        raise DriverError(f"{path}: not an EDS that can be used ({error}); mend the file or name another") from error
+
+
+def mapped_message(dictionary: Any, tpdo: int, wheel: Wheel, path: Path) -> MessageSettings:
+    """The process data object as a message: COB-ID of 18xxh and mapping entries of 1Axxh (index, sub, bits)."""
+    try:
+        identifier = int(dictionary[0x1800 + tpdo - 1][1].default)
+        mapping = dictionary[0x1A00 + tpdo - 1]
+        entries = [int(mapping[place].default) for place in range(1, int(mapping[0].default) + 1)]
+    except (KeyError, TypeError) as error:
+        raise DriverError(
+            f"{path}: has no TPDO{tpdo} with a default mapping; set layout.tpdo to one that it has"
+        ) from error
+    signals, bit = [], 0
+    for place, entry in enumerate(entries, start=1):
+        index, bits = entry >> 16, entry & 0xFF
+        signed = _data_type(dictionary, index, entry >> 8 & 0xFF) in SIGNED_TYPES
+        name = "position" if index == POSITION else f"object_{index:04X}_{place}"
+        signals.append(SignalSettings(name=name, start=bit, length=bits, type="signed" if signed else "unsigned"))
+        bit += bits
+    if not any(signal.name == "position" for signal in signals):
+        raise DriverError(f"{path}: TPDO{tpdo} does not map the position 6004h; set layout.tpdo to the one that does")
+    return MessageSettings(name=wheel.value, frame_id=identifier & 0x7FF, length=(bit + 7) // 8, signals=tuple(signals))
+
+
+def _heartbeat(wheel: Wheel) -> Decoder:
+    def decode(data: bytes) -> tuple[Decoded, ...]:
+        return (NodeState(wheel, data[0] & 0x7F),)
+
+    return decode
+
+
+def _emergency(wheel: Wheel) -> Decoder:
+    def decode(data: bytes) -> tuple[Decoded, ...]:
+        return (NodeAlarm(wheel, int.from_bytes(data[:2], "little")),)
+
+    return decode
+
+
+def _default(dictionary: Any, index: int, absent: int) -> int:
+    try:
+        return int(dictionary[index].default)
+    except (KeyError, TypeError):
+        return absent
+
+
+def _data_type(dictionary: Any, index: int, sub: int) -> int:
+    entry = dictionary[index]
+    return int(entry[sub].data_type if hasattr(entry, "subindices") else entry.data_type)

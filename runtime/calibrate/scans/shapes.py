@@ -1,0 +1,152 @@
+"""What a scan shows that is found again from half a metre further on: straight edges, and compact things.
+
+Edges tell the motion across themselves and the turn; compact things (trunks, posts, legs) tell it both ways. A
+compact thing's centre lies behind its front by pi/4 of its half width: without that step the front, which slides around
+the thing as the laser passes, makes every drive look too short.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from drivers.measurements import FloatArray, IntArray, Scan
+
+NEAREST_M = 0.1  # nearer returns are the rover's own parts
+GRAZING_RAD = math.radians(10.0)  # flattest incidence at which neighbouring beams still hit one surface
+RANGE_NOISE_M = 0.015  # stated for a typical Hokuyo; the solution finds the true scale
+SPLIT_M = 0.05  # farthest point of a straight piece from its chord
+EDGE_POINTS, EDGE_LENGTH_M = 5, 0.12
+EDGE_LONGEST_M = 2.0
+COMPACT_M = 0.8  # widest trunk
+COMPACT_BEAMS, COARSE_BEAMS = 3, 2  # the second where beams are far apart, and two on a trunk are the rule
+COARSE_RAD = math.radians(0.4)
+BACKGROUND_M = 0.3  # what is behind a compact thing is at least so much farther
+ROUND_M = 0.008  # no trunk is round to less, and a walker near by must not outweigh everything else
+SETBACK = math.pi / 4.0  # mean depth of a half circle over its radius
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shapes:
+    """In the laser frame at the scan's stamp.
+
+    edge_centres_m (e, 2), edge_angles_rad (e,) of the normal, edge_lengths_m (e,), edge_variances_m2 (e,) across,
+    edge_angle_variances (e,) rad^2; thing_centres_m (k, 2), thing_variances_m2 (k, 2) radial and tangential.
+    """
+
+    edge_centres_m: FloatArray
+    edge_angles_rad: FloatArray
+    edge_lengths_m: FloatArray
+    edge_variances_m2: FloatArray
+    edge_angle_variances: FloatArray
+    thing_centres_m: FloatArray
+    thing_variances_m2: FloatArray
+
+
+def scan_points(scan: Scan, laser_twist: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Points (n, 2) of the beams that returned, moved to where they are at the stamp; ranges (n,); beam numbers (n,).
+
+    laser_twist (3,): velocity m/s ahead and left and rad/s of the laser in its own frame.
+    """
+    ranges = scan.ranges_m.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        kept = np.flatnonzero((ranges > NEAREST_M) & (ranges < scan.range_max_m))
+    ranges, bearings = ranges[kept], scan.bearings_rad[kept]
+    points = ranges[:, None] * np.stack((np.cos(bearings), np.sin(bearings)), axis=-1)
+    delay = (kept - scan.stamp_beam) * scan.beam_period_s
+    turn, half = laser_twist[2] * delay, 0.5 * laser_twist[2] * delay
+    cosine, sine = np.cos(turn), np.sin(turn)
+    ahead = (laser_twist[0] * np.cos(half) - laser_twist[1] * np.sin(half)) * delay
+    left = (laser_twist[0] * np.sin(half) + laser_twist[1] * np.cos(half)) * delay
+    x = cosine * points[:, 0] - sine * points[:, 1] + ahead
+    y = sine * points[:, 0] + cosine * points[:, 1] + left
+    return np.stack((x, y), axis=-1), ranges, kept
+
+
+def shapes(scan: Scan, laser_twist: FloatArray) -> Shapes:
+    """Find them. Scans that show nothing give empty arrays."""
+    points, ranges, beams = scan_points(scan, laser_twist)
+    if len(beams) == 0:
+        return Shapes(*(np.zeros(shape) for shape in ((0, 2), 0, 0, 0, 0, (0, 2), (0, 2))))
+    spacing = float(np.median(np.abs(np.diff(scan.bearings_rad)))) if len(scan.bearings_rad) > 1 else 0.0
+    fewest = COARSE_BEAMS if spacing > COARSE_RAD else COMPACT_BEAMS
+    edges: list[tuple[float, ...]] = []
+    things: list[tuple[float, ...]] = []
+    ends = _breaks(ranges, scan.bearings_rad[beams])
+    for begin, end in pairwise(ends):
+        width = float(ranges[begin:end].min()) * spacing * float(beams[end - 1] - beams[begin] + 1)
+        if width <= COMPACT_M and _stands_free(ranges, beams, begin, end, len(scan.bearings_rad)):
+            if end - begin >= fewest:
+                things.append(_thing(points[begin:end], spacing * float(beams[end - 1] - beams[begin] + 1), spacing))
+        elif end - begin >= EDGE_POINTS:
+            edges += _edges(points[begin:end])
+    edge_rows, thing_rows = np.array(edges).reshape(-1, 6), np.array(things).reshape(-1, 4)
+    angles, lengths, variances, angle_variances = edge_rows.T[2:]
+    return Shapes(edge_rows[:, :2], angles, lengths, variances, angle_variances, thing_rows[:, :2], thing_rows[:, 2:])
+
+
+def _breaks(ranges: FloatArray, bearings: FloatArray) -> IntArray:
+    """Where one surface ends and the next begins: indices, first 0, last n."""
+    step = np.abs(np.diff(bearings))
+    nearer = np.minimum(ranges[:-1], ranges[1:])
+    reach = nearer * np.sin(np.minimum(step, 1.0)) / math.sin(GRAZING_RAD) + 4.0 * RANGE_NOISE_M
+    broken = (np.abs(np.diff(ranges)) > reach) | (step > math.radians(3.0))
+    return np.concatenate(((0,), np.flatnonzero(broken) + 1, (len(ranges),)))
+
+
+def _stands_free(ranges: FloatArray, beams: IntArray, begin: int, end: int, beam_count: int) -> bool:
+    """True where both sides look past the thing, onto something farther or nothing at all."""
+    if beams[begin] == 0 or beams[end - 1] == beam_count - 1:
+        return False
+    farther = float(ranges[begin:end].max()) + BACKGROUND_M
+    before = begin == 0 or beams[begin] - beams[begin - 1] > 2 or ranges[begin - 1] > farther
+    after = end == len(ranges) or beams[end] - beams[end - 1] > 2 or ranges[end] > farther
+    return bool(before and after)
+
+
+def _thing(points: FloatArray, angle_rad: float, spacing: float) -> tuple[float, ...]:
+    """Centre x, y and the variances along and across the line of sight, of a round thing seen under an angle."""
+    first, last = points[0], points[-1]
+    middle = first / math.hypot(*first) + last / math.hypot(*last)
+    sight = middle / math.hypot(*middle)
+    sine = math.sin(0.5 * angle_rad)
+    mean_m = float(np.hypot(points[:, 0], points[:, 1]).mean())
+    distance_m = mean_m / (1.0 - SETBACK * sine)
+    radial = RANGE_NOISE_M**2 / len(points) + (0.1 * distance_m * sine) ** 2 + ROUND_M**2
+    tangential = (distance_m * spacing) ** 2 / 12.0 + ROUND_M**2
+    return float(distance_m * sight[0]), float(distance_m * sight[1]), radial, tangential
+
+
+def _edges(points: FloatArray) -> list[tuple[float, ...]]:
+    """Split where the chord is left by too much, cut what is long, fit each piece."""
+    first, last = points[0], points[-1]
+    chord = last - first
+    length = math.hypot(chord[0], chord[1])
+    if len(points) < EDGE_POINTS or length < EDGE_LENGTH_M:
+        return []
+    off = np.abs(chord[0] * (points[:, 1] - first[1]) - chord[1] * (points[:, 0] - first[0])) / length
+    farthest = int(np.argmax(off[1:-1])) + 1
+    if off[farthest] > SPLIT_M:
+        return _edges(points[: farthest + 1]) + _edges(points[farthest:])
+    if length > EDGE_LONGEST_M:
+        along = (points - first) @ chord / length
+        cuts = np.searchsorted(along, np.arange(1, math.ceil(length / EDGE_LONGEST_M)) * EDGE_LONGEST_M)
+        pieces = [piece for piece in np.split(points, cuts) if len(piece) >= EDGE_POINTS]
+        return [_edge(piece) for piece in pieces if np.hypot(*(piece[-1] - piece[0])) >= EDGE_LENGTH_M]
+    return [_edge(points)]
+
+
+def _edge(points: FloatArray) -> tuple[float, ...]:
+    """Line of least distances: centre x, y, angle of the normal, length, variance across, variance of the angle."""
+    centre = points.mean(axis=0)
+    x, y = (points - centre).T
+    xx, xy, yy = float(x @ x), float(x @ y), float(y @ y)
+    along = 0.5 * math.atan2(2.0 * xy, xx - yy)
+    cosine, sine = math.cos(along), math.sin(along)
+    spread = cosine * cosine * xx + 2.0 * cosine * sine * xy + sine * sine * yy
+    across = max(xx + yy - spread, 0.0) / (len(points) - 2)
+    noise = max(across, RANGE_NOISE_M**2)
+    length = math.hypot(*(points[-1] - points[0]))
+    normal = along + 0.5 * math.pi
+    return float(centre[0]), float(centre[1]), normal, length, noise / len(points), noise / max(spread, 1e-9)

@@ -1,0 +1,42 @@
+"""The command line: names are fixed, other tools rely on them. Commands import what they need when they run."""
+
+import os
+import sys
+import traceback
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: other thread counts change bits and cost the loop
+os.environ.setdefault("RERUN_ANALYTICS", "off")
+
+import typer
+
+from runtime.cli import install, live, log, rover, runs, studies
+from runtime.errors import InfantError
+
+app = typer.Typer(
+    name="infant",
+    help="The runtime that tells a rover where it is.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+for group in (live, install, runs, log, rover, studies):
+    group.register(app)
+
+
+def main() -> None:
+    """Entry point of the console script; an error of the family ends with its sentence and its exit code.
+
+    Anything else is a defect of ours: its traceback is shown, and the exit code is 70.
+    """
+    try:
+        app()
+    except InfantError as error:
+        print(f"infant: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+    except Exception:  # noqa: BLE001 the service manager has to tell a defect from the rest
+        traceback.print_exc()
+        sys.exit(InfantError.exit_code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,50 @@
+"""The command that makes Infant a service: install."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.progress import AsJson
+
+
+def register(app: typer.Typer) -> None:
+    """Add this command."""
+    app.command()(install)
+
+
+def install(
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="show every file and command, change nothing")] = False,
+    remove: Annotated[bool, typer.Option("--remove", help="take it away again; runs and configuration stay")] = False,
+    config: Annotated[
+        Path | None, typer.Option("--config", help="becomes /etc/infant/rover.toml where there is none yet")
+    ] = None,
+    root: Annotated[Path, typer.Option("--root", help="root of an image instead of this machine")] = Path("/"),
+    as_json: AsJson = False,
+) -> None:
+    """Install Infant as a service of this machine: user, folders, rules, units, configuration. Needs root."""
+    from runtime.errors import PreflightError
+    from runtime.setup import install as installation
+    from runtime.setup.place import needed_paths, place_trouble, program_path
+
+    root = root.absolute()
+    live = root == Path("/")
+    program = program_path() if live else installation.SHIPPED_PROGRAM
+    trouble = installation.refusal(root, privileged=not dry_run)
+    if live and not remove:
+        trouble = trouble or place_trouble(program, needed_paths())
+    if trouble and not dry_run:
+        raise PreflightError(trouble)
+    plan = installation.plan_removal(root, program) if remove else installation.plan_install(root, program, config)
+    if as_json:
+        files = [{"path": str(each.path), "state": each.state} for each in plan.files]
+        typer.echo(json.dumps({"files": files, "commands": plan.commands, "notes": plan.notes, "dry_run": dry_run}))
+    else:
+        typer.echo("\n".join(installation.plan_lines(plan)))
+    if trouble:
+        raise PreflightError(trouble)
+    if not dry_run:
+        installation.apply(plan, installation.execute)
+        if not as_json:
+            typer.echo("removed" if remove else "installed")

@@ -1,0 +1,188 @@
+"""Commands around a live rover: run, sim, check, status, warmup."""
+
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.progress import AsJson, busy
+
+Config = Annotated[Path, typer.Option("--config", help="TOML file; config/mock.toml drives the simulated rover")]
+Out = Annotated[Path | None, typer.Option("--out", help="folder of the run; made here, never overwritten")]
+Seed = Annotated[int | None, typer.Option("--seed", help="seed of the filter and of the simulated world")]
+Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key; repeatable")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add these commands."""
+    for command in (run, sim, check, status, warmup):
+        app.command()(command)
+
+
+def run(
+    config: Config,
+    duration: Annotated[
+        float | None, typer.Option(min=0.1, help="seconds to run; a simulated rover drives 60 by default")
+    ] = None,
+    out: Out = None,
+    seed: Seed = None,
+    set_: Set = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run live: sensors in, pose out, everything recorded. Ctrl-C ends it and keeps everything."""
+    from runtime.live.clock import MonotonicClock
+    from runtime.live.drive import drive
+    from runtime.live.summary import summary_lines
+    from runtime.record.folder import RunFolder
+    from runtime.service.systemd import ServiceManager
+    from runtime.settings.configuration import load_configuration
+    from runtime.settings.overrides import key_values
+    from runtime.setup.usable import refuse_unusable
+
+    overrides = key_values(set_ or [])
+    if seed is not None:
+        overrides["seed"] = str(seed)
+    configuration = load_configuration(config, overrides)
+    if configuration.simulation is not None:
+        if seed is not None:
+            configuration = load_configuration(config, {**overrides, "simulation.world.seed": str(seed)})
+        duration = SIMULATED_DURATION_S if duration is None else duration
+    refuse_unusable(configuration, str(config))
+    stop = stop_on_signals()
+    folder = RunFolder.create(out, Path(configuration.record.folder))
+    manager = ServiceManager(os.environ.get("NOTIFY_SOCKET", ""))
+    summary = drive(configuration, folder, MonotonicClock(), stop, duration, sys.stderr, manager)
+    if as_json:
+        typer.echo(json.dumps(summary))
+    else:
+        typer.echo("\n".join(summary_lines(summary)))
+
+
+SIMULATED_DURATION_S = 60.0
+
+
+def stop_on_signals() -> threading.Event:
+    """An event that Ctrl-C and SIGTERM set; the handler only sets it, so that every sink can close in order."""
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: stop.set())
+    return stop
+
+
+def sim(
+    config: Annotated[Path | None, typer.Option("--config", help="TOML file with a [simulation] table")] = None,
+    laser_only: Annotated[bool, typer.Option("--laser-only", help="only the laser, no CAN bus")] = False,
+    model: Annotated[str | None, typer.Option("--model", help="laser model, for example UTM-30LX")] = None,
+    listen: Annotated[str | None, typer.Option("--listen", metavar="HOST:PORT", help="where the laser listens")] = None,
+    pty: Annotated[str | None, typer.Option("--pty", metavar="PATH", help="also a pseudo-terminal, linked")] = None,
+) -> None:
+    """Run the simulated devices alone, so that any SCIP or CAN client can be pointed at them, until Ctrl-C.
+
+    Lines on standard input let something go wrong: 'laser silence duration_s=2', 'wheels bus_off', 'clear laser'.
+    """
+    from runtime.errors import UsageError
+    from runtime.simulation.desk import serve_desk, serve_laser
+
+    overrides = laser_overrides(model, listen, pty)
+    stop = stop_on_signals()
+    if laser_only:
+        serve_laser(config, overrides, stop, sys.stdout, sys.stdin)
+    elif config is None:
+        raise UsageError("--config: missing; give a TOML file with a [simulation] table, or --laser-only")
+    else:
+        serve_desk(config, overrides, stop, sys.stdout, sys.stdin)
+
+
+def laser_overrides(model: str | None, listen: str | None, pty: str | None) -> dict[str, str]:
+    """Words of `infant sim` as keys of the configuration. Raises UsageError."""
+    from runtime.errors import UsageError
+
+    overrides = {}
+    if model is not None:
+        overrides["simulation.laser.model"] = model
+    if pty is not None:
+        overrides["simulation.laser.pty"] = pty
+    if listen is not None:
+        host, colon, port = listen.rpartition(":")
+        if not colon or not host or not port.isdigit():
+            raise UsageError(f"--listen {listen}: expected HOST:PORT, for example 127.0.0.1:10940")
+        overrides |= {"simulation.laser.host": host, "simulation.laser.port": port}
+    return overrides
+
+
+def check(
+    config: Config,
+    live: Annotated[bool, typer.Option("--live", help="also ask devices, disk, clock, privileges")] = False,
+    set_: Set = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check a configuration, and with --live the rover. Exit 3: configuration cannot be used, 4: a check failed."""
+    from runtime.errors import PreflightError
+    from runtime.settings.configuration import load_configuration
+    from runtime.settings.overrides import key_values
+    from runtime.setup.preflight import Finding, Verdict, preflight, preflight_result, worst
+    from runtime.setup.usable import refuse_unusable
+
+    configuration = load_configuration(config, key_values(set_ or []))
+    if configuration.laser is not None and configuration.encoders is not None:  # else it is for recorded data
+        refuse_unusable(configuration, str(config))
+    findings: list[Finding] = []
+    steps = preflight(configuration) if live else iter([Finding("configuration", Verdict.PASS, str(config))])
+    for finding in steps:
+        findings.append(finding)
+        if not as_json:
+            remedy = f"; {finding.remedy}" if finding.remedy else ""
+            typer.echo(f"{finding.verdict:4s} {finding.name:13s} {finding.reason}{remedy}")
+    if as_json:
+        typer.echo(json.dumps({"config": str(config), "sha256": configuration.sha256} | preflight_result(findings)))
+    if worst(findings) is Verdict.FAIL:
+        failed = ", ".join(finding.name for finding in findings if finding.verdict is Verdict.FAIL)
+        raise PreflightError(f"not ready to drive: {failed}; the remedy stands beside each")
+
+
+def status(
+    connect: Annotated[list[str] | None, typer.Option("--connect", help="zenoh endpoint of a rover or router")] = None,
+    zenoh_file: Annotated[
+        Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for a fleet's router")
+    ] = None,
+    watch: Annotated[bool, typer.Option("--watch", help="again every second until Ctrl-C")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show how the running rovers are, over zenoh: state, reasons, pose, sensors, sinks."""
+    from runtime.errors import SensorError
+    from runtime.publish import status as rovers
+
+    endpoints = tuple(connect or rovers.ENDPOINTS)
+    file = None if zenoh_file is None else str(zenoh_file)
+    if watch:
+        answers = rovers.watch_status(endpoints, 1.0, file)
+    else:
+        answers = iter([rovers.fetch_status(endpoints, config_file=file)])
+    for statuses in answers:
+        if as_json:
+            typer.echo(json.dumps({"rovers": statuses}))
+        elif statuses:
+            lines = map(rovers.status_line, statuses) if watch else rovers.status_table(statuses)
+            typer.echo("\n".join(lines))
+        if not statuses and not watch:
+            raise SensorError(rovers.silence_sentence(endpoints))
+
+
+def warmup(as_json: AsJson = False) -> None:
+    """Compile the kernels of the filter into the cache, so that no run has to; make and the service call it."""
+    from slam.estimator import Estimator
+    from slam.kernel_cache import forget_other_versions, use_compile_cache
+
+    began_s = time.monotonic()
+    with busy("compile the kernels of the filter"):
+        Estimator.warm_up()
+    cache = use_compile_cache(os.environ)
+    forget_other_versions(cache)
+    if as_json:
+        typer.echo(json.dumps({"seconds": round(time.monotonic() - began_s, 3), "cache": str(cache)}))

@@ -1,0 +1,179 @@
+"""Commands on a recorded run: replay, import, evaluate, review, compare, view."""
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.progress import AsJson, busy, progress_bar
+
+
+class FailOn(StrEnum):
+    """Least severity that makes a review fail."""
+
+    INFO = "info"
+    WARN = "warn"
+    ERROR = "error"
+
+
+Run = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add these commands."""
+    app.command()(replay)
+    app.command("import")(import_)
+    app.command()(evaluate)
+    app.command()(review)
+    app.command()(compare)
+    app.command()(view)
+
+
+def replay(
+    run: Run,
+    config: Annotated[Path | None, typer.Option("--config", help="another configuration than the recorded one")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="folder for the replayed run; never overwritten")] = None,
+    verify: Annotated[bool, typer.Option("--verify", help="compare with the record bit for bit")] = False,
+    seed: Annotated[int | None, typer.Option("--seed", help="another seed of the filter")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key")] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option("--without", metavar="TECHNIQUE", help="switches one off: difference, sparse, density, ..."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run the filter over a recorded run again, as fast as it can."""
+    from runtime.replay.replay import replay_lines, replay_run
+
+    result = replay_run(run, config, out, verify, replay_overrides(set_, without, seed), progress_bar("replay"))
+    typer.echo(json.dumps(result) if as_json else "\n".join(replay_lines(result)))
+    if verify and not result["identical"]:
+        sys.exit(1)
+
+
+def replay_overrides(set_: list[str] | None, without: list[str] | None, seed: int | None) -> dict[str, str]:
+    """The three ways to change a replay's configuration as one mapping."""
+    from runtime.settings import overrides
+
+    changes = overrides.key_values(set_ or []) | overrides.without(without or [])
+    if seed is not None:
+        changes["seed"] = str(seed)
+    return changes
+
+
+def import_(
+    source: Annotated[Path, typer.Argument(metavar="SOURCE", help="folder of a recorded data set")],
+    out: Annotated[Path, typer.Option("--out", metavar="RUN", help="folder of the new run; never overwritten")],
+    config: Annotated[Path | None, typer.Option("--config", help="default: the set's own file in config/")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Turn recorded data of others into a run that can be replayed and evaluated."""
+    from runtime.importers.data_set import import_data_set
+
+    with busy("import"):
+        result = import_data_set(source, out, config)
+    typer.echo(json.dumps(result) if as_json else "\n".join(f"{key:12s} {value}" for key, value in result.items()))
+
+
+def evaluate(
+    run: Run,
+    truth: Annotated[Path | None, typer.Option("--truth", help="TUM file; default: what the run holds")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare the poses of a run with the truth that it has, and write trajectory.tum for evo."""
+    from runtime.evaluate import evaluate as evaluation
+
+    with busy("evaluate"):
+        result = evaluation.evaluate(run, truth)
+    typer.echo(json.dumps(result) if as_json else "\n".join(evaluation.evaluation_lines(result)))
+
+
+def review(
+    run: Run,
+    fail_on: Annotated[
+        FailOn | None, typer.Option("--fail-on", help="exit code 1 where a finding is as grave as this, for CI")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write report.html and report.json with findings, and make review.rrd again."""
+    from runtime.record.folder import RunFolder
+    from runtime.report.build import build_report, is_as_grave, report_lines
+    from runtime.review.rebuild import build_review
+    from runtime.review.viewer import with_estimates
+
+    with busy("judge"):
+        report = build_report(run)
+    folder = with_estimates(RunFolder.open(run))
+    build_review(folder.path, folder.review_path, progress=progress_bar("draw"))
+    report["review"] = str(folder.review_path)
+    typer.echo(json.dumps(report) if as_json else "\n".join([*report_lines(report), f"review    {folder.review_path}"]))
+    if fail_on is not None and is_as_grave(report, fail_on.value):
+        sys.exit(1)
+
+
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")],
+    second: Annotated[Path, typer.Argument(metavar="RUN", help="folder of another run, or of its replay")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE.html", help="default: compare.html in the second run")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Two runs side by side: figures, findings and what the configurations differ in."""
+    from runtime.report.compare import build_comparison, comparison_lines
+
+    with busy("compare"):
+        result = build_comparison(first, second, out)
+    typer.echo(json.dumps(result) if as_json else "\n".join(comparison_lines(result)))
+
+
+def view(
+    run: Run,
+    web: Annotated[bool, typer.Option("--web", help="in a browser instead of the native viewer")] = False,
+    screenshot: Annotated[
+        Path | None, typer.Option("--screenshot", metavar="FILE.png", help="a picture, without a screen")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Open the review of a run, on this machine only."""
+    from runtime.record.folder import RunFolder
+    from runtime.review import viewer
+
+    folder = RunFolder.open(run)
+    progress = progress_bar("draw")
+    if screenshot is None:
+        code = viewer.open_review(folder, web, progress)
+        if as_json:
+            typer.echo(json.dumps({"run": str(run), "viewer_exit_code": code}))
+        return
+    reports = viewer.screenshot(folder, screenshot, progress=progress)
+    if as_json:
+        typer.echo(json.dumps({"run": str(run), "picture": str(screenshot), "viewer_reports": reports}))
+    for report in () if as_json else reports:
+        typer.echo(f"infant: the viewer reports: {report}", err=True)
+
+
+def calibrate(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of recorded drives")],
+    config: Annotated[Path | None, typer.Option("--config", help="start from these values")] = None,
+    write: Annotated[Path | None, typer.Option("--write", metavar="FILE", help="new configuration file")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find wheel radii, tread, laser mount, latency and noise from ordinary drives, with 95 % intervals."""
+    from runtime.calibrate.recorded_drives import calibrate_runs
+    from runtime.calibrate.result import calibration_lines
+    from runtime.calibrate.write import write_configuration
+    from runtime.settings.configuration import load_configuration
+
+    with busy("calibrate"):
+        result, believed = calibrate_runs(runs, None if config is None else load_configuration(config))
+    changed = write_configuration(result, believed.text, write) if write is not None else ()
+    if as_json:
+        typer.echo(json.dumps(result.as_json() | {"written": None if write is None else str(write)}))
+        return
+    typer.echo("\n".join(calibration_lines(result)))
+    if write is not None:
+        typer.echo(f"written   {write} ({', '.join(changed) or 'nothing changed'})")

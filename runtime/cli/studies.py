@@ -1,0 +1,164 @@
+"""Commands over many seeds: paper, sweep."""
+
+import json
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.progress import AsJson, progress_bar
+from runtime.errors import UsageError
+
+Scheduler = Annotated[str, typer.Option("--scheduler", help="address of a dask scheduler, local (all cores), or none")]
+
+
+class Part(StrEnum):
+    """What of the paper; the published pose is this project's own addition to it."""
+
+    PUBLISHED = "published"
+    FIG1 = "fig1"
+    FIG2 = "fig2"
+    TABLE1 = "table1"
+    ABLATION = "ablation"
+    FIG5 = "fig5"
+    FIG6 = "fig6"
+    ALL = "all"
+
+
+def register(app: typer.Typer) -> None:
+    """Add these commands."""
+    app.command()(paper)
+    app.command()(sweep)
+    app.command()(quality)
+    app.command()(rate)
+    app.command()(soak)
+    app.command()(bench)
+
+
+def paper(
+    part: Annotated[Part, typer.Argument(help="a figure, the table, the ablation, the published pose, or all")],
+    seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="drives for each arm")] = 20,
+    out: Annotated[Path, typer.Option("--out", help="folder for pictures and tables; finished jobs are kept")] = Path(
+        "paper"
+    ),
+    particles: Annotated[int, typer.Option("--particles", min=1, max=10_000, help="particles of every arm")] = 30,
+    scheduler: Scheduler = "local",
+    as_json: AsJson = False,
+) -> None:
+    """Reproduce the paper's figures with their spread over seeds, and say what holds."""
+    from runtime.studies.paper.reproduce import reproduce, study_lines
+    from runtime.studies.paper.study import PARTS, Study
+
+    parts = PARTS if part is Part.ALL else (part.value,)
+    result = reproduce(Study(parts, seeds, particles), out, chosen_scheduler(scheduler), job_progress("paper"))
+    typer.echo(json.dumps(result) if as_json else "\n".join(study_lines(result)))
+
+
+def sweep(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of recorded runs")],
+    out: Annotated[Path, typer.Option("--out", help="folder for the table; finished jobs are kept")],
+    set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=V1,V2", help="values of one key")] = None,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="seeds of the filter, from 1 on")] = 5,
+    scheduler: Scheduler = "local",
+    as_json: AsJson = False,
+) -> None:
+    """Replay recorded runs with every combination of settings and seeds; one table as Parquet and CSV."""
+    from runtime.studies import sweep as sweeping
+
+    result = sweeping.sweep(runs, set_ or [], seeds, out, chosen_scheduler(scheduler), job_progress("sweep"))
+    typer.echo(json.dumps(result) if as_json else f"{result['rows']} rows: {result['csv']}, {result['parquet']}")
+
+
+def chosen_scheduler(word: str) -> str | None:
+    """What run_jobs takes. Raises UsageError on an empty word."""
+    if not word:
+        raise UsageError("--scheduler: expected an address such as tcp://10.0.0.1:8786, local, or none")
+    return None if word == "none" else word
+
+
+def job_progress(task: str) -> Callable[[int, int], None]:
+    """A bar for jobs done of all."""
+    show = progress_bar(task)
+    return lambda done, total: show(done / max(total, 1))
+
+
+def quality(
+    runs: Annotated[int, typer.Option(min=1, max=10_000, help="kidnapped drives, and as many blinded ones")] = 100,
+    hours: Annotated[float, typer.Option(min=0.2, max=1000.0, help="of undisturbed driving among people")] = 3.0,
+    particles: Annotated[int, typer.Option("--particles", min=1, max=10_000, help="particles of the filter")] = 100,
+    calibration: Annotated[
+        bool, typer.Option("--calibration", help="drives on which the bounds were chosen, not those that judge them")
+    ] = False,
+    out: Annotated[Path, typer.Option("--out", help="folder for the curve; finished drives are kept")] = Path(
+        "quality"
+    ),
+    scheduler: Scheduler = "none",
+    as_json: AsJson = False,
+) -> None:
+    """How often a kidnapped or blinded rover says that it is lost, and how often one says so that is not."""
+    from runtime.studies.quality import study as studies
+    from slam.estimator import Estimator
+
+    Estimator.warm_up()
+    first_seed = studies.CALIBRATION_SEED if calibration else studies.EVALUATION_SEED
+    size = studies.StudySize(runs, hours, particles, first_seed)
+    outcome = studies.study(size, out, studies.code_name(), chosen_scheduler(scheduler), job_progress("quality"))
+    typer.echo(json.dumps(outcome) if as_json else "\n".join(studies.study_lines(outcome)))
+
+
+def rate(
+    config: Annotated[Path, typer.Option("--config", help="what to run")] = Path("config/mock.toml"),
+    minutes: Annotated[float, typer.Option(min=0.05, max=1440.0, help="length of the run")] = 10.0,
+    hogs: Annotated[int, typer.Option(min=0, max=64, help="busy processes beside it")] = 2,
+    fsync: Annotated[bool, typer.Option("--fsync/--no-fsync", help="a loop of fsync on the same disk")] = True,
+    privileges: Annotated[
+        bool, typer.Option("--privileges/--no-privileges", help="real-time priority and locked memory")
+    ] = True,
+    set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run beside busy neighbours and print how the loop kept its rate, and how long each stage took."""
+    from runtime.studies.rate import measure_rate, rate_lines
+
+    measured = measure_rate(config, minutes, hogs, fsync, privileges, set_ or [])
+    typer.echo(json.dumps(measured) if as_json else "\n".join(rate_lines(measured)))
+
+
+def soak(
+    config: Annotated[Path, typer.Option("--config", help="what to run; a simulated rover")] = Path("config/mock.toml"),
+    minutes: Annotated[
+        float, typer.Option(min=0.01, max=1440.0, help="how long it takes where the computer keeps up")
+    ] = 30.0,
+    speed: Annotated[float, typer.Option(min=0.5, max=100.0, help="times faster than life, at most")] = 10.0,
+    out: Annotated[Path | None, typer.Option("--out", help="folder that keeps the run; absent: none is kept")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Drive for hours by a clock that skips sleep; print growth of memory, leaked descriptors and missed beats."""
+    from runtime.cli.live import stop_on_signals
+    from runtime.studies.soak.soak import soak as drive_long
+    from runtime.studies.soak.soak import soak_lines
+
+    stop = stop_on_signals()
+    with tempfile.TemporaryDirectory(prefix="infant-soak-", dir=Path.cwd()) as name:
+        measured = drive_long(config, minutes, speed, out or Path(name), set_ or [], stop, sys.stderr)
+    typer.echo(json.dumps(measured) if as_json else "\n".join(soak_lines(measured)))
+
+
+def bench(as_json: AsJson = False) -> None:
+    """Measure the speed of the filter on this machine; CPU times, two to three minutes."""
+    from runtime.studies.bench.measures import measures
+
+    results = []
+    for measure in measures():
+        results.append(asdict(measure))
+        if not as_json:
+            p99 = f"  p99 {measure.p99:g}" if measure.p99 is not None else ""
+            typer.echo(f"{measure.name:42s} {measure.value:10g} {measure.unit}{p99}")
+    if as_json:
+        typer.echo(json.dumps({"results": results}))

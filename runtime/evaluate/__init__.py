@@ -1,0 +1,1 @@
+"""How far is the pose from the truth? Begin at evaluate.py."""

@@ -1,0 +1,163 @@
+"""The review is drawn by a process of its own: rerun's threads and memory never meet the loop's.
+
+The parent frames records onto the child's standard input; the child is `python -m runtime.review`.
+A child that dies or stalls costs the picture, which can be made again, and nothing else.
+"""
+
+import json
+import os
+import queue
+import subprocess
+import sys
+import tempfile
+import threading
+from pathlib import Path
+
+from runtime.messages.pipe import CARRIED, SEGMENT, TOPICS, write_frame
+from runtime.messages.tick import Record
+from runtime.settings.review import ReviewSettings
+from runtime.tick import SinkHealth, Tick, Timing
+from slam.estimate import Estimate
+from slam.pose import Pose2
+
+WRITE_S = 2.0
+DRAW_S = 10.0
+RENEW_S = 20.0
+RENEW_MB = 400.0  # the library holds on to 3.7 MB for each minute that it draws; a new child begins with 230
+
+
+class ReviewProcess:
+    """Draws a run while it is recorded: `feed` is the recorder's tee, the Sink is there for its health.
+
+    path: review.rrd; body_from_laser: the laser's mount. Neither feed nor put ever blocks or raises.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        settings: ReviewSettings,
+        body_from_laser: Pose2 | None = None,
+        facts: dict[str, str] | None = None,
+    ) -> None:
+        mount = (body_from_laser or Pose2()).as_array().tolist()
+        what = json.dumps({"settings": settings.model_dump(), "mount": mount, "facts": facts or {}})
+        self._limit = settings.queue
+        self._queue: queue.SimpleQueue[Record | None] = queue.SimpleQueue()
+        self._dropped = 0
+        self._trouble = ""
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the child
+        self._renewing = False
+        self._command = [sys.executable, "-m", "runtime.review", str(path), what]
+        self._child = self._begin()
+        self._thread = threading.Thread(target=self._send, name="review", daemon=True)
+        self._thread.start()
+
+    def feed(self, record: Record) -> None:
+        """One record, in the order of writing; dropped and counted when the child does not keep up."""
+        if record.topic not in TOPICS:
+            return
+        if self._trouble or self._queue.qsize() >= self._limit:
+            self._dropped += 1
+        else:
+            self._queue.put(record)
+
+    def put(
+        self,
+        tick: Tick,
+        estimate: Estimate,
+        timing: Timing,
+        state_hash: bytes,
+        truth: Pose2 | None,
+    ) -> None:
+        """Nothing: what is drawn comes as records."""
+
+    def health(self) -> SinkHealth:
+        """Records waiting and lost, and why the child is gone if it is."""
+        return SinkHealth(self._queue.qsize(), self._dropped, self._trouble)
+
+    @property
+    def pid(self) -> int:
+        """Of the child."""
+        return self._child.pid
+
+    def close(self) -> None:
+        """Let the child finish its file; at most 12 s, after which it is ended and the file lacks its last second."""
+        self._queue.put(None)
+        self._thread.join(WRITE_S + (RENEW_S if self._renewing else 0.0))
+        try:
+            if self._child.wait(DRAW_S) and not self._trouble:
+                self._trouble = f"review.rrd is not whole ({self._last_words()}); infant review makes it again"
+        except subprocess.TimeoutExpired:
+            self._trouble = "review.rrd was not finished in time; infant review makes it again"
+            self._child.kill()
+            self._child.wait()
+            self._thread.join(WRITE_S)
+        self._errors.close()
+        if self._child.stdout is not None:
+            self._child.stdout.close()
+
+    def _begin(self) -> "subprocess.Popen[bytes]":
+        return subprocess.Popen(
+            self._command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            env={**os.environ, "RUST_LOG": "error", "RERUN_ANALYTICS": "off"},
+        )
+
+    def _renew(self) -> None:
+        """Let the child end after a segment, and another go on with what it knew. Raises OSError when it cannot."""
+        self._renewing = True
+        assert self._child.stdin is not None
+        write_frame(self._child.stdin, Record(CARRIED, 0, b""))
+        try:
+            carried = self._child.communicate(timeout=RENEW_S)[0]  # closes its input, which ends it
+        except subprocess.TimeoutExpired as error:
+            self._child.kill()
+            raise ChildProcessError(0, "it did not end") from error
+        if self._child.returncode:
+            raise ChildProcessError(self._child.returncode, "it ended with an error")
+        self._child = self._begin()
+        assert self._child.stdin is not None
+        write_frame(self._child.stdin, Record(CARRIED, 0, carried))
+        self._renewing = False
+
+    def _send(self) -> None:
+        """Write frames until close() or until the child is gone."""
+        try:
+            while (record := self._queue.get()) is not None:
+                assert self._child.stdin is not None
+                write_frame(self._child.stdin, record)
+                if self._queue.empty():
+                    self._child.stdin.flush()
+                if record.topic == SEGMENT and resident_mb(self._child.pid) > RENEW_MB:
+                    self._renew()
+            assert self._child.stdin is not None
+            self._child.stdin.close()
+        except OSError:
+            why = f"the drawing process has ended ({self._last_words()}); infant review makes the picture"
+            self._trouble = self._trouble or why  # close() knows better when it has ended the child itself
+            self._dropped += 1 + self._forget_waiting()
+
+    def _forget_waiting(self) -> int:
+        """Empty the queue that nobody serves any more; returns how many records that were."""
+        forgotten = 0
+        while not self._queue.empty():
+            forgotten += self._queue.get() is not None
+        return forgotten
+
+    def _last_words(self) -> str:
+        """The last line that the child wrote as an error."""
+        code = self._child.wait()
+        self._errors.seek(max(0, os.fstat(self._errors.fileno()).st_size - 2000))
+        lines = self._errors.read().decode(errors="replace").strip().splitlines()
+        return lines[-1] if lines else f"exit code {code}"
+
+
+def resident_mb(pid: int) -> float:
+    """Memory that a process holds; 0 when it has ended."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    except (OSError, IndexError):
+        return 0.0
+    return pages * os.sysconf("SC_PAGE_SIZE") * 1e-6

@@ -1,0 +1,128 @@
+"""The one place that knows which concrete part stands behind each seam."""
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Protocol
+
+from drivers.laser.hokuyo import Hokuyo
+from drivers.measurements import Encoders, Laser
+from drivers.settings.encoders import EncoderSettings
+from drivers.settings.laser import LaserSettings
+from drivers.wheels.encoders import CanEncoders
+from runtime.errors import ConfigurationError
+from runtime.live.clock import Clock
+from runtime.live.drawing_process import ReviewProcess
+from runtime.publish.publisher import ZenohPublisher
+from runtime.record.folder import RunFolder
+from runtime.record.header import installed_versions
+from runtime.record.recorder import Recorder
+from runtime.service.thread_watch import ThreadWatch
+from runtime.settings.configuration import Configuration
+from runtime.simulation.rover_process import SimulatedRover
+from runtime.tick import Sink
+from slam.pose import Pose2
+
+
+class DrivenRover(Protocol):
+    """A simulated rover: it begins when the loop does, and knows the truth."""
+
+    def drive(self, start_ns: int) -> None:
+        """Begin at this time of the loop's clock."""
+
+    def map_from_body(self, stamp_ns: int) -> Pose2 | None:
+        """The truth; None before it has begun."""
+
+    def close(self) -> None:
+        """Release everything."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """All that a live run is made of besides the estimator; `close` releases it in the order of the data."""
+
+    laser: Laser
+    encoders: Encoders
+    sinks: dict[str, Sink]
+    publisher: ZenohPublisher
+    rover: DrivenRover | None
+    threads: ThreadWatch
+
+    def start(self) -> None:
+        """Begin to connect; nothing waits for a sensor to answer."""
+        self.laser.start()
+        self.encoders.start()
+        self.threads.begin()
+
+    def drive(self, start_ns: int) -> None:
+        """Let a simulated world begin with the loop; a real one has begun long ago."""
+        if self.rover is not None:
+            self.rover.drive(start_ns)
+
+    def truth(self, stamp_ns: int) -> Pose2 | None:
+        """Where a simulated rover really is."""
+        return self.rover.map_from_body(stamp_ns) if self.rover is not None else None
+
+    def close(self) -> None:
+        """Sensors first, then the sinks, so that everything that came in is written."""
+        self.laser.close()
+        self.encoders.close()
+        for sink in self.sinks.values():
+            sink.close()
+        if self.rover is not None:
+            self.rover.close()
+
+
+def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock) -> Parts:
+    """Drivers and sinks of a live run, not started yet; where one cannot be made the others are closed again.
+
+    Raises ConfigurationError when a sensor is not configured, SensorError when the simulation does not start.
+    """
+    if configuration.laser is None or configuration.encoders is None:
+        absent = "laser" if configuration.laser is None else "encoders"
+        raise ConfigurationError(f"{absent}: missing; a live run needs the tables [laser] and [encoders]")
+    with ExitStack() as made:
+        parts = _made_parts(configuration, configuration.laser, configuration.encoders, folder, clock, made)
+        made.pop_all()  # all is well: closing is now up to the parts
+    return parts
+
+
+def _made_parts(
+    configuration: Configuration,
+    laser: LaserSettings,
+    encoders: EncoderSettings,
+    folder: RunFolder,
+    clock: Clock,
+    made: ExitStack,
+) -> Parts:
+    rover = review = None
+    if configuration.simulation is not None:
+        rover = SimulatedRover(configuration.simulation, laser, encoders)
+        made.callback(rover.close)
+        laser, encoders = rover.laser, rover.encoders
+    if configuration.review.live:
+        review = ReviewProcess(folder.review_path, configuration.review, configuration.slam.mount.as_pose())
+        made.callback(review.close)
+    tee = review.feed if review is not None else None
+    threads = ThreadWatch(clock.now_ns)
+    recorder = Recorder(
+        folder,
+        configuration.text,
+        installed_versions(),
+        tee,
+        clock.now_ns,
+        configuration.record,
+        alive=threads.sign("recorder"),
+    )
+    made.callback(recorder.close)
+    threads.excuse("recorder", lambda: recorder.is_excused)
+    publisher = ZenohPublisher(configuration.publish, configuration.rover, configuration_text=configuration.text)
+    made.callback(publisher.close)
+    sinks: dict[str, Sink] = {"record": recorder, "publish": publisher}
+    if review is not None:
+        sinks["review"] = review
+    tap = recorder if configuration.record.raw else None
+    if not configuration.record.raw:  # still the last and next two seconds around an error of the laser
+        laser = laser.model_copy(update={"raw": "around_errors"})
+    eyes = Hokuyo(laser, clock.now_ns, recorder, alive=threads.sign("laser", laser.retry_max_s))
+    wheels = CanEncoders(encoders, clock.now_ns, tap, alive=threads.sign("encoders", encoders.bus.backoff_max_s))
+    return Parts(eyes, wheels, sinks, publisher, rover, threads)

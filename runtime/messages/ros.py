@@ -1,0 +1,148 @@
+"""The messages of a run that other tools read: standard ROS 2 types, stamped with the host's monotonic time."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.measurements import Event, Scan, Severity
+from runtime.messages.definitions import construct
+from runtime.messages.tick import Record, decode, encode
+from slam.estimate import Estimate
+from slam.pose import Pose2
+
+LEVELS = {Severity.INFO: 0, Severity.WARN: 1, Severity.ERROR: 2}  # DiagnosticStatus OK, WARN, ERROR
+EXTENDED, REMOTE, ERROR, FD = 1, 2, 4, 8  # flags of RawTap.can_frame
+UNKNOWN_COVARIANCE = -1.0  # as sensor_msgs/Imu has it: minus one says that nothing is claimed
+
+
+def header(stamp_ns: int, frame: str) -> Any:
+    """std_msgs/Header; seconds are floored so that the nanoseconds are never negative."""
+    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+    stamp = construct("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+    return construct("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+
+
+def encode_scan(scan: Scan) -> Record:
+    """The scan's ranges, float32 to the last bit; NaN where nothing valid came back."""
+    bearings_rad, beams = scan.bearings_rad, scan.bearings_rad.size
+    first_rad, last_rad = (float(bearings_rad[0]), float(bearings_rad[-1])) if beams else (0.0, 0.0)
+    return encode(
+        "/scan",
+        scan.stamp_ns,
+        header=header(scan.stamp_ns, "laser"),
+        angle_min=first_rad,
+        angle_max=last_rad,
+        angle_increment=(last_rad - first_rad) / (beams - 1) if beams > 1 else 0.0,
+        time_increment=scan.beam_period_s,
+        scan_time=scan.beam_period_s * beams,
+        range_min=0.0,
+        range_max=scan.range_max_m,
+        ranges=scan.ranges_m,
+        intensities=np.empty(0, np.float32),
+    )
+
+
+def decode_ranges_m(data: bytes) -> NDArray[np.float32]:
+    """Ranges (N,) of a record of /scan, in memory of their own."""
+    ranges_m: NDArray[np.float32] = decode("/scan", data).ranges.copy()
+    return ranges_m
+
+
+def encode_pose(estimate: Estimate) -> Record:
+    """The published pose in the frame map."""
+    return encode(
+        "/pose",
+        estimate.stamp_ns,
+        header=header(estimate.stamp_ns, "map"),
+        pose=pose_with_covariance(estimate.map_from_body, estimate.covariance),
+    )
+
+
+def encode_odometry(estimate: Estimate) -> Record:
+    """Dead reckoning since the start in the frame odom; its covariance and twist are not known here."""
+    unknown = np.zeros(36)
+    unknown[0] = UNKNOWN_COVARIANCE
+    nothing = construct("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
+    twist = construct("geometry_msgs/msg/Twist", linear=nothing, angular=nothing)
+    pose = construct(TYPES_POSE, pose=ros_pose(estimate.odom_from_body), covariance=unknown)
+    return encode(
+        "/odom",
+        estimate.stamp_ns,
+        header=header(estimate.stamp_ns, "odom"),
+        child_frame_id="base_link",
+        pose=pose,
+        twist=construct("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=unknown),
+    )
+
+
+TYPES_POSE = "geometry_msgs/msg/PoseWithCovariance"
+
+
+def ros_pose(pose: Pose2) -> Any:
+    """geometry_msgs/Pose of a planar pose."""
+    half_rad = 0.5 * pose.heading_rad
+    position = construct("geometry_msgs/msg/Point", x=pose.x_m, y=pose.y_m, z=0.0)
+    turn = construct("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(half_rad), w=math.cos(half_rad))
+    return construct("geometry_msgs/msg/Pose", position=position, orientation=turn)
+
+
+def pose_with_covariance(pose: Pose2, covariance: NDArray[np.float64]) -> Any:
+    """The planar covariance (3, 3) in the rows x, y and yaw of ROS's (6, 6)."""
+    full = np.zeros((6, 6))
+    rows = np.array((0, 1, 5))
+    full[np.ix_(rows, rows)] = covariance
+    return construct(TYPES_POSE, pose=ros_pose(pose), covariance=full.ravel())
+
+
+def encode_events(stamp_ns: int, events: Sequence[Event]) -> Record:
+    """Events as diagnostics: source, kind as the hardware identity, reason as the message."""
+    status = [
+        construct(
+            "diagnostic_msgs/msg/DiagnosticStatus",
+            level=LEVELS[event.severity],
+            name=event.source,
+            message=event.reason,
+            hardware_id=event.kind,
+            values=[],
+        )
+        for event in events
+    ]
+    return encode("/diagnostics", stamp_ns, header=header(stamp_ns, ""), status=status)
+
+
+def encode_can_frame(stamp_ns: int, arbitration_id: int, flags: int, data: bytes) -> Record:
+    """One CAN frame; an FD frame, which can_msgs has no room for, goes to /raw/can_fd."""
+    stamped = header(stamp_ns, "can")
+    if flags & FD:
+        return encode(
+            "/raw/can_fd",
+            stamp_ns,
+            header=stamped,
+            id=arbitration_id,
+            is_extended=bool(flags & EXTENDED),
+            data=np.frombuffer(data, np.uint8),
+        )
+    return encode(
+        "/raw/can",
+        stamp_ns,
+        header=stamped,
+        id=arbitration_id,
+        is_rtr=bool(flags & REMOTE),
+        is_extended=bool(flags & EXTENDED),
+        is_error=bool(flags & ERROR),
+        dlc=len(data),
+        data=np.frombuffer(data.ljust(8, b"\0"), np.uint8),
+    )
+
+
+def decode_can_frame(topic: str, data: bytes) -> tuple[int, int, int, bytes]:
+    """Stamp ns, arbitration id, flags and bytes, as RawTap.can_frame was given them."""
+    message = decode(topic, data)
+    stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+    if topic == "/raw/can_fd":
+        return stamp_ns, message.id, FD | (EXTENDED if message.is_extended else 0), message.data.tobytes()
+    flags = EXTENDED * message.is_extended | REMOTE * message.is_rtr | ERROR * message.is_error
+    return stamp_ns, message.id, flags, message.data.tobytes()[: message.dlc]

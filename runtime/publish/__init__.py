@@ -1,0 +1,1 @@
+"""How do pose, map and state reach other programs over zenoh? Begin at publisher.py."""

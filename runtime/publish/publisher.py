@@ -1,0 +1,152 @@
+"""The sink that tells the world where the rover is: a bounded queue and one thread between the loop and the network."""
+
+import atexit
+import queue
+import threading
+import time
+
+import zenoh
+
+from drivers.measurements import Event
+from runtime.commands import CommandDesk
+from runtime.health import Health
+from runtime.publish.commands import declare_commands
+from runtime.publish.messages import warm_up
+from runtime.publish.session import open_rover_session, rover_config, short_reason
+from runtime.publish.topics import Moment, RoverTopics
+from runtime.settings.publish import PublishSettings
+from runtime.tick import SinkHealth, Tick, Timing
+from slam.estimate import Estimate
+from slam.pose import Pose2
+
+REOPEN_S = 5.0
+CLOSE_S = 3.0
+LEAVE_S = 12.0  # towards a peer that has stopped reading zenoh takes 10 s to say goodbye
+
+
+class ZenohPublisher:
+    """Publishes every tick over zenoh; the loop only puts a reference into a queue.
+
+    wall_offset_ns: wall time minus monotonic time; taken now when None. Messages carry stamp + offset.
+    configuration_text: what the query infant/<rover>/configuration answers.
+    Raises ConfigurationError when the settings name a file that cannot be used.
+    """
+
+    def __init__(
+        self,
+        settings: PublishSettings,
+        rover: str,
+        wall_offset_ns: int | None = None,
+        configuration_text: str = "",
+    ) -> None:
+        self._settings = settings
+        self._rover = rover
+        self._wall_offset_ns = time.time_ns() - time.monotonic_ns() if wall_offset_ns is None else wall_offset_ns
+        self._configuration_text = configuration_text
+        # a SimpleQueue is C: no lock that a preempted thread could hold while the loop waits for it
+        self._queue: queue.SimpleQueue[Moment | None] = queue.SimpleQueue()
+        self._dropped = 0
+        self._trouble = ""
+        self._health: Health | None = None
+        self._desk = CommandDesk(time.monotonic_ns)
+        self._stop = threading.Event()
+        self._opened = threading.Event()
+        self._listening: tuple[str, ...] = ()
+        self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
+        if settings.enabled:
+            rover_config(settings, settings.listen)  # a file that cannot be used stops the start, not the thread
+            warm_up()
+            atexit.register(self._leave)
+            self._thread.start()
+
+    def put(
+        self,
+        tick: Tick,
+        estimate: Estimate,
+        timing: Timing,
+        state_hash: bytes,  # noqa: ARG002
+        truth: Pose2 | None,  # noqa: ARG002
+    ) -> None:
+        """Queue one tick; when the network is slower than the loop the oldest tick goes."""
+        if not self._settings.enabled:
+            return
+        if self._queue.qsize() >= self._settings.queue:
+            try:
+                self._queue.get_nowait()
+                self._dropped += 1
+            except queue.Empty:
+                pass  # the thread took it between the two lines
+        self._queue.put(Moment(tick, estimate, timing))
+
+    def drain_events(self) -> tuple[Event, ...]:
+        """Commands that came over zenoh since the last call; none unless publish.commands is on."""
+        return self._desk.drain_events()
+
+    def note_health(self, health: Health) -> None:
+        """Health that goes into the next status; one assignment."""
+        self._health = health
+
+    def health(self) -> SinkHealth:
+        """Ticks waiting and lost, and why there is no session if there is none."""
+        return SinkHealth(self._queue.qsize(), self._dropped, self._trouble)
+
+    def opened(self, timeout_s: float) -> tuple[str, ...]:
+        """Wait until the session is open and return where it listens; empty if it is not open by then."""
+        return self._listening if self._opened.wait(timeout_s) else ()
+
+    def close(self) -> None:
+        """Send what is queued and leave; at most 3 s."""
+        if not self._settings.enabled:
+            return
+        self._stop.set()
+        self._queue.put(None)
+        self._thread.join(CLOSE_S)
+        if not self._thread.is_alive():
+            atexit.unregister(self._leave)
+
+    def _leave(self) -> None:
+        """Close before the interpreter ends, whoever forgot to: a thread of zenoh's that then asks for it aborts."""
+        self._stop.set()
+        self._queue.put(None)
+        self._thread.join(LEAVE_S)
+
+    def _run(self) -> None:
+        """Own the session from opening to closing; one that cannot be opened is tried again every 5 s."""
+        while True:
+            try:
+                session, listening = open_rover_session(self._settings)
+            except zenoh.ZError as error:
+                self._trouble = f"no zenoh session: {short_reason(error)}"
+                if self._stop.wait(REOPEN_S):
+                    return
+                continue
+            self._trouble = ""
+            try:
+                self._serve(session, listening)
+            finally:
+                self._close_session(session)
+            return
+
+    def _serve(self, session: zenoh.Session, listening: tuple[str, ...]) -> None:
+        """Send ticks until close() was called and the queue is empty."""
+        topics = RoverTopics(
+            session, self._settings, self._rover, self._wall_offset_ns, self._configuration_text, listening
+        )
+        if self._settings.commands:
+            declare_commands(session, self._rover, self._desk)
+        self._listening = listening
+        self._opened.set()
+        while (moment := self._queue.get()) is not None:
+            try:
+                topics.send(moment, self._health)
+                self._trouble = ""
+            except (zenoh.ZError, ValueError) as error:  # one message that cannot be sent costs that message
+                self._dropped += 1
+                self._trouble = f"tick {moment.tick.seq} not published: {error}"
+
+    def _close_session(self, session: zenoh.Session) -> None:
+        """Say goodbye; towards a peer that has stopped reading this takes zenoh's 10 s, which close() does not wait."""
+        try:
+            session.close()  # type: ignore[no-untyped-call]
+        except zenoh.ZError as error:
+            self._trouble = f"session not closed: {short_reason(error)}"

@@ -1,0 +1,92 @@
+"""Zenoh sessions with explicit endpoints: nothing is scouted by multicast or gossip unless a file asks for it."""
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import zenoh
+
+from runtime.errors import ConfigurationError
+from runtime.settings.publish import PublishSettings
+
+PORTS_TO_TRY = 20
+RETRY = "{period_init_ms:500,period_max_ms:1000,period_increase_factor:2}"
+
+
+def rover_config(settings: PublishSettings, listen: Sequence[str]) -> zenoh.Config:
+    """A peer: it never waits for a router to be there, and connects to it whenever it comes.
+
+    Raises ConfigurationError when the settings' file cannot be used, or says nothing of access where commands are on.
+    """
+    named = settings.config_file
+    config = _from_file("publish.config_file", named) if named is not None else _silent_config()
+    if settings.commands and config.get_json("access_control/enabled") != "true":
+        raise ConfigurationError(
+            f"publish.commands = True: expected access_control.enabled: true in {settings.config_file}, so that not "
+            "everyone commands; see config/zenoh-rover.json5, or leave commands off"
+        )
+    config.insert_json5("mode", '"peer"')
+    config.insert_json5("listen/endpoints", json.dumps(list(listen)))
+    config.insert_json5("connect/endpoints", json.dumps(list(settings.connect)))
+    config.insert_json5("connect/retry", RETRY)
+    config.insert_json5("transport/link/tx/lease", json.dumps(settings.lease_ms))
+    if settings.ros2:
+        # ROS 2 nodes are peers that learn of each other from their router; it passes no message from peer to peer
+        config.insert_json5("scouting/gossip/enabled", "true")
+    return config
+
+
+def tool_config(endpoint: str, config_file: str | None = None) -> zenoh.Config:
+    """A client of one rover or router. A peer would not do: routers do not pass messages from peer to peer.
+
+    config_file: zenoh configuration to start from, for certificates. Raises ConfigurationError.
+    """
+    config = _from_file("--zenoh", config_file) if config_file is not None else _silent_config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+    config.insert_json5("connect/retry", RETRY)
+    return config
+
+
+def open_rover_session(settings: PublishSettings) -> tuple[zenoh.Session, tuple[str, ...]]:
+    """The session and where it really listens: the next free port where one is taken.
+
+    Raises zenoh.ZError for anything but a taken port.
+    """
+    listen = settings.listen
+    for _ in range(PORTS_TO_TRY):
+        try:
+            return zenoh.open(rover_config(settings, listen)), listen
+        except zenoh.ZError as error:
+            if "in use" not in str(error):
+                raise
+            listen = tuple(next_port(endpoint) for endpoint in listen)
+    return zenoh.open(rover_config(settings, ())), ()  # still reached through a router
+
+
+def next_port(endpoint: str) -> str:
+    """tcp/127.0.0.1:7448 becomes tcp/127.0.0.1:7449; port 0, which is never taken, stays."""
+    address, port, config = re.fullmatch(r"(.*:)(\d+)(#.*)?", endpoint).groups()  # type: ignore[union-attr]
+    return f"{address}{int(port) + 1 if int(port) else 0}{config or ''}"
+
+
+def short_reason(error: zenoh.ZError) -> str:
+    """What went wrong without the places in zenoh's source."""
+    return re.sub(r" at /\S+:\d+\.?", "", str(error)).strip()
+
+
+def _silent_config() -> zenoh.Config:
+    config = zenoh.Config()
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("scouting/gossip/enabled", "false")
+    return config
+
+
+def _from_file(key: str, path: str) -> zenoh.Config:
+    if not Path(path).is_file():
+        raise ConfigurationError(f"{key} = {path!r}: no such file; give a zenoh configuration in JSON5")
+    try:
+        return zenoh.Config.from_file(path)
+    except zenoh.ZError as error:
+        raise ConfigurationError(f"{key} = {path!r}: {short_reason(error)}; mend the file") from error

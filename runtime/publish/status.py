@@ -1,0 +1,96 @@
+"""How running rovers are, asked over zenoh by someone who is not on board."""
+
+import json
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import zenoh
+
+from runtime.publish.session import tool_config
+from runtime.sensor_report import sensor_lines
+
+Status = dict[str, Any]
+
+ENDPOINTS = tuple(f"tcp/127.0.0.1:{port}" for port in range(7447, 7453))
+"""zenoh's own port, where a router would be, and the first five on which rovers of this machine listen."""
+
+ASK_S = 1.0
+STATUS_KEY = "infant/*/status"
+
+
+def fetch_status(
+    connect: Sequence[str] = ENDPOINTS, timeout_s: float = ASK_S, config_file: str | None = None
+) -> list[Status]:
+    """Status of every rover that answers in time at any of the endpoints, by name; none if nobody does.
+
+    config_file: a zenoh configuration with the certificates for a fleet's router.
+    Raises ConfigurationError when that file cannot be used.
+    """
+    found: dict[str, Status] = {}
+    for endpoint in connect:
+        try:
+            session = zenoh.open(tool_config(endpoint, config_file))
+        except zenoh.ZError:
+            continue  # nobody listens there, which is how most of these endpoints are
+        with session:
+            for reply in session.get(STATUS_KEY, timeout=timeout_s):
+                if reply.ok is not None:
+                    status = json.loads(reply.ok.payload.to_bytes())
+                    found[status["rover"]] = status
+    return [found[rover] for rover in sorted(found)]
+
+
+def watch_status(
+    connect: Sequence[str] = ENDPOINTS, period_s: float = 1.0, config_file: str | None = None
+) -> Iterator[list[Status]]:
+    """The same again and again, for ever: rovers may come and go."""
+    while True:
+        yield fetch_status(connect, period_s, config_file)
+        time.sleep(period_s)
+
+
+def status_line(status: Mapping[str, Any]) -> str:
+    """One rover in one line."""
+    pose, sigma = status["pose"], status["sigma"]
+    spread_m = math.hypot(sigma["x_m"], sigma["y_m"])
+    return (
+        f"{status['rover']}  {status['state'] or status['quality']}  tick {status['seq']}  {status['rate_hz']:.1f} Hz  "
+        f"x {pose['x_m']:.2f} m  y {pose['y_m']:.2f} m  heading {math.degrees(pose['heading_rad']):.1f} deg  "
+        f"+-{spread_m:.2f} m  landmarks {status['landmarks']}  late {status['lateness_ms']:.2f} ms"
+        + "".join(f"  {reason}" for reason in status["reasons"])
+    )
+
+
+def status_table(statuses: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Several rovers as lines with a head, the columns as wide as what is in them; then their sensors, a line each."""
+    head = ("rover", "state", "tick", "Hz", "x m", "y m", "deg", "+- m", "landmarks", "late ms", "sensors", "reasons")
+    rows = [head, *(_row(status) for status in statuses)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return lines + [f"{status['rover']}  {line}" for status in statuses for line in sensor_lines(status["sensors"])]
+
+
+def silence_sentence(connect: Sequence[str] = ENDPOINTS) -> str:
+    """What to say when no rover answers."""
+    where = ", ".join(connect)
+    return f"no rover answers at {where}; is infant run running, and does publish.listen name one of these?"
+
+
+def _row(status: Mapping[str, Any]) -> tuple[str, ...]:
+    pose, sigma = status["pose"], status["sigma"]
+    return (
+        status["rover"],
+        status["state"] or status["quality"],
+        str(status["seq"]),
+        f"{status['rate_hz']:.1f}",
+        f"{pose['x_m']:.2f}",
+        f"{pose['y_m']:.2f}",
+        f"{math.degrees(pose['heading_rad']):.1f}",
+        f"{math.hypot(sigma['x_m'], sigma['y_m']):.2f}",
+        str(status["landmarks"]),
+        f"{status['lateness_ms']:.2f}",
+        " ".join(f"{name}:{sensor['state']}" for name, sensor in status["sensors"].items()),
+        "; ".join(status["reasons"]),
+    )

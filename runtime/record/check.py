@@ -1,0 +1,144 @@
+"""What a recorded run holds, whether it is what was written, and how what is left of it is saved."""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import NotARunError
+from runtime.messages.tick import Record
+from runtime.record.folder import RunFolder
+from runtime.record.manifest import Manifest
+from runtime.record.mcap_file import RunWriter
+from runtime.record.mcap_prefix import MAGIC
+from runtime.record.reader import RunReader
+from runtime.record.room import is_being_written
+
+BLOCK_BYTES = 1 << 20
+
+
+@dataclass(slots=True)
+class Verification:
+    """damages: what is not as it was written. gaps: what the record itself says it lacks."""
+
+    ticks: int = 0
+    segments: int = 0
+    damages: list[str] = field(default_factory=list)
+    gaps: list[str] = field(default_factory=list)
+
+
+def run_info(run: Path) -> dict[str, Any]:
+    """Header, segments and marks, without reading the segments. Raises NotARunError."""
+    reader = RunReader(run)
+    folder, header = reader.folder, reader.header
+    manifest = Manifest.load(folder.manifest_path)
+    segments: list[dict[str, Any]] = []
+    for path in folder.segment_paths():
+        facts = manifest.segments.get(path.name, {})
+        segments.append(
+            {
+                "name": path.name,
+                "state": "open" if is_being_written(path) else "closed" if facts else "not closed",
+                "bytes": path.stat().st_size,
+                "ticks": facts.get("ticks"),
+                "from_s": facts["first_ns"] * 1e-9 if facts else None,
+                "to_s": facts["last_ns"] * 1e-9 if facts else None,
+                "marked": manifest.is_marked(path.name),
+            }
+        )
+    return {
+        "run": str(folder.path),
+        "source": header.source,
+        "created_utc": header.created_utc,
+        "boot_id": header.boot_id,
+        "wall_minus_monotonic_ns": header.wall_minus_monotonic_ns,
+        "configuration_sha256": header.configuration_sha256,
+        "versions": dict(header.versions),
+        "bytes": sum(segment["bytes"] for segment in segments),
+        "segments": segments,
+        "gone": manifest.removed,
+        "marks": [mark["reason"] for mark in manifest.marks],
+        "manifest": "none" if not manifest.lines and not manifest.damage else manifest.damage or "whole",
+    }
+
+
+def verify_run(run: Path) -> Verification:
+    """Read every byte of a run. Raises NotARunError only where there is nothing that could be a run."""
+    folder = RunFolder.open(run)
+    manifest = Manifest.load(folder.manifest_path)
+    paths = folder.segment_paths()
+    found = Verification(segments=len(paths))
+    if manifest.damage:
+        found.damages.append(manifest.damage)
+    for path in paths:
+        facts = manifest.segments.get(path.name)
+        if facts is not None and _sha256(path) != (facts["sha256"], facts["bytes"]):
+            found.damages.append(f"{path.name} is not what was closed: its hash in {manifest.path.name} differs")
+        elif facts is None and manifest.lines and (path.name != "run.mcap" or _has_end(path)):
+            found.damages.append(f"{path.name} was not closed: it is not in {manifest.path.name}")
+    try:
+        reader = RunReader(run)
+    except NotARunError as error:
+        found.damages.append(str(error))
+        return found
+    found.ticks = sum(1 for _ in reader.ticks())
+    damages = reader.damages
+    if damages and "the recording was cut off" in damages[-1] and is_being_written(folder.mcap_path):
+        found.gaps.append(f"the run is still being recorded: {damages.pop()}")
+    found.damages += damages
+    found.gaps += reader.known_losses + [
+        f"{gap.ticks} ticks and {gap.raw} raw messages before {gap.stamp_ns * 1e-9:.3f} s: {gap.reason}"
+        for gap in reader.gaps
+    ]
+    return found
+
+
+def recover_run(run: Path, out: RunFolder) -> dict[str, Any]:
+    """Write all that can be believed into a run of its own, with gaps where something is missing.
+
+    The damaged run is not touched. Raises NotARunError, StorageError.
+    """
+    reader = RunReader(run)
+    out.write_configuration(reader.header.configuration_text)
+    writer = RunWriter(out.mcap_path, reader.header.metadata, reader.attachments)
+    ticks = 0
+    try:
+        for records in _by_tick(reader.records()):
+            writer.add(records)
+            ticks += any(record.topic == "/tick" for record in records)
+    finally:
+        writer.close()
+    return {"run": str(run), "out": str(out.path), "ticks": ticks, "losses": reader.damages + reader.known_losses}
+
+
+def _by_tick(records: Iterator[Record]) -> Iterator[list[Record]]:
+    """Records in groups of which none parts a tick."""
+    group: list[Record] = []
+    has_tick = False
+    for record in records:
+        if has_tick and record.topic in ("/scan", "/tick"):
+            yield group
+            group, has_tick = [], False
+        group.append(record)
+        has_tick |= record.topic == "/tick"
+    yield group
+
+
+def _has_end(path: Path) -> bool:
+    """Whether the file was finished."""
+    with path.open("rb") as stream:
+        stream.seek(-min(len(MAGIC), path.stat().st_size), 2)
+        return stream.read() == MAGIC
+
+
+def _sha256(path: Path) -> tuple[str, int]:
+    digest, size = hashlib.sha256(), 0
+    try:
+        with path.open("rb") as stream:
+            while block := stream.read(BLOCK_BYTES):
+                digest.update(block)
+                size += len(block)
+    except OSError as error:
+        return f"unreadable: {error.strerror}", size
+    return digest.hexdigest(), size

@@ -1,0 +1,73 @@
+"""Marks: what a person at the rover wants to keep. A mark is a small file in the run's folder `marks`.
+
+The recorder takes it within a second, writes it into manifest and log, and removes the file. Whoever may write into
+the run's folder may mark: no network and no port is involved.
+"""
+
+import os
+import threading
+from pathlib import Path
+from uuid import uuid4
+
+from runtime.errors import NotARunError, StorageError, UsageError
+from runtime.record.folder import RunFolder
+from runtime.record.manifest import Manifest
+from runtime.record.room import is_being_written
+
+ALWAYS_NS = 1 << 62
+LONGEST_REASON = 1000
+POLL_S = 0.05
+
+
+def running_run(root: Path) -> RunFolder:
+    """The run that is being recorded in a folder of runs. Raises NotARunError when there is none."""
+    found = [RunFolder(path.parent) for path in sorted(root.glob("*/run.mcap")) if is_being_written(path)]
+    if not found:
+        raise NotARunError(f"{root}: no run is being recorded in here; name one with --run")
+    return max(found, key=lambda folder: folder.mcap_path.stat().st_ctime_ns)
+
+
+def leave_mark(folder: RunFolder, reason: str, within_s: float = 3.0) -> bool:
+    """Mark a run: what is being recorded now, or all of a run that has ended.
+
+    Returns whether the recorder has taken it in time; if not, the mark lies there and keeps the run all the same.
+    Raises UsageError, StorageError.
+    """
+    if not reason.strip() or len(reason) > LONGEST_REASON:
+        length = len(reason.strip())
+        raise UsageError(f"reason: expected 1 to {LONGEST_REASON} characters, got {length}; say what was seen")
+    try:
+        if not is_being_written(folder.mcap_path):
+            return _mark_ended(folder, reason)
+        folder.marks_path.mkdir(exist_ok=True)
+        path = folder.marks_path / f"{uuid4().hex}.txt"
+        unfinished = path.with_suffix(".unfinished")
+        unfinished.write_text(reason, encoding="utf-8")
+        os.replace(unfinished, path)
+    except OSError as error:
+        raise StorageError(f"{folder.path} cannot be marked ({error.strerror}); it needs the right to write") from error
+    pause = threading.Event()
+    for _ in range(round(within_s / POLL_S)):
+        if not path.exists():
+            return True
+        pause.wait(POLL_S)
+    return not path.exists()
+
+
+def take_marks(folder: RunFolder) -> dict[Path, str]:
+    """The reasons that wait, by file. Raises OSError."""
+    if not folder.marks_path.is_dir():
+        return {}
+    return {
+        path: path.read_text(encoding="utf-8", errors="replace")[:LONGEST_REASON]
+        for path in sorted(folder.marks_path.glob("*.txt"))
+    }
+
+
+def _mark_ended(folder: RunFolder, reason: str) -> bool:
+    manifest = Manifest.load(folder.manifest_path)
+    if manifest.damage:
+        raise StorageError(f"{folder.path}: {manifest.damage}; copy the run to a safe place instead")
+    manifest.add("mark", from_ns=-ALWAYS_NS, to_ns=ALWAYS_NS, reason=reason)
+    manifest.save()
+    return True

@@ -1,0 +1,48 @@
+"""The paths that a run holds: estimate, odometry and truth, read back from its record."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.measurements import FloatArray
+from runtime.errors import UsageError
+from runtime.messages.estimate import decode_poses
+from runtime.messages.tick import decode_truth
+from runtime.record.reader import RunReader
+from slam.pose import Pose2
+
+Row = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectories:
+    """Rows (n, 4) of t s, x m, y m, heading rad.
+
+    estimated: the published pose; particles: the mean of the particles' own; odometry: dead reckoning alone;
+    simulated: the simulator's truth, None without one.
+    """
+
+    estimated: FloatArray
+    particles: FloatArray
+    odometry: FloatArray
+    simulated: FloatArray | None
+
+
+def read_trajectories(reader: RunReader) -> Trajectories:
+    """Only poses are kept. Raises UsageError when the run holds no estimate."""
+    columns: tuple[list[Row], ...] = ([], [], [])
+    simulated: list[Row] = []
+    for record in reader.records():
+        if record.topic == "/estimate":
+            for column, pose in zip(columns, decode_poses(record.data), strict=True):
+                column.append(_row(record.stamp_ns, pose))
+        elif record.topic == "/truth":
+            simulated.append(_row(record.stamp_ns, decode_truth(record.data)))
+    if not columns[0]:
+        raise UsageError(f"{reader.folder.path} holds no estimates; replay it first")
+    estimated, particles, odometry = (np.array(column) for column in columns)
+    return Trajectories(estimated, particles, odometry, np.array(simulated) if simulated else None)
+
+
+def _row(stamp_ns: int, pose: Pose2) -> Row:
+    return stamp_ns * 1e-9, pose.x_m, pose.y_m, pose.heading_rad

@@ -1,0 +1,60 @@
+"""Names the first field in which a replayed estimate is not the recorded one."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from runtime.messages.estimate import decode_estimate, encode_estimate
+from runtime.record.reader import RecordedTick
+from slam.estimate import Estimate
+
+
+def first_difference(recorded: RecordedTick, estimate: Estimate, state_hash: bytes) -> str:
+    """One sentence with the tick, the field and both values, or "" when nothing differs.
+
+    Fields are looked at in the order of Estimate, so that a pose is named before a hash.
+    """
+    was = recorded.estimate
+    assert was is not None
+    seq = recorded.tick.seq
+    now = decode_estimate(encode_estimate(estimate).data)  # so that both have been through float32 where the record has
+    for field in dataclasses.fields(Estimate):
+        place = _difference(field.name, getattr(was, field.name), getattr(now, field.name))
+        if place:
+            return f"tick {seq}: {place}"
+    if recorded.state_hash != state_hash:
+        before = recorded.state_hash.hex() if recorded.state_hash else "none"
+        return f"tick {seq}: state_hash is {state_hash.hex()}, recorded {before}"
+    return ""
+
+
+def _difference(name: str, was: Any, now: Any) -> str:
+    """What differs in one value, looking into its parts; "" when every bit is equal."""
+    if dataclasses.is_dataclass(was) and type(was) is type(now):
+        for field in dataclasses.fields(was):
+            place = _difference(f"{name}.{field.name}", getattr(was, field.name), getattr(now, field.name))
+            if place:
+                return place
+        return ""
+    if isinstance(was, np.ndarray) and isinstance(now, np.ndarray):
+        return _array_difference(name, was, now)
+    if isinstance(was, dict) and isinstance(now, dict) and was.keys() == now.keys():
+        return next(filter(None, (_difference(f"{name}[{key}]", was[key], now[key]) for key in was)), "")
+    if isinstance(was, float) and isinstance(now, float):
+        equal = np.float64(was).tobytes() == np.float64(now).tobytes()
+    else:
+        equal = was == now
+    return "" if equal else f"{name} is {now!r}, recorded {was!r}"
+
+
+def _array_difference(name: str, was: "np.ndarray[Any, Any]", now: "np.ndarray[Any, Any]") -> str:
+    if was.shape != now.shape:
+        return f"{name} has shape {now.shape}, recorded {was.shape}"
+    if was.tobytes() == now.tobytes():
+        return ""
+    for index in np.ndindex(was.shape):
+        if was[index].tobytes() != now[index].tobytes():
+            place = ", ".join(str(part) for part in index)
+            return f"{name}[{place}] is {now[index].item()!r}, recorded {was[index].item()!r}"
+    return ""

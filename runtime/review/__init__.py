@@ -1,0 +1,1 @@
+"""How is a run drawn for rerun? Begin at writer.py."""

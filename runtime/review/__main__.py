@@ -1,0 +1,40 @@
+"""The process that draws: records come in on standard input, review.rrd goes out."""
+
+import contextlib
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import IO
+
+from runtime.messages.pipe import CARRIED, read_frames
+from runtime.review.writer import ReviewWriter
+from runtime.settings.review import ReviewSettings
+from slam.pose import Pose2
+
+NICENESS = 10
+
+
+def draw_from(stream: IO[bytes], path: Path, what: str) -> None:
+    """Draw what comes until the stream ends; `what` is JSON: settings, mount, facts of the run."""
+    given = json.loads(what)
+    writer = ReviewWriter(path, ReviewSettings(**given["settings"]), Pose2(*given["mount"]), given["facts"])
+    is_renewed = False
+    for record in read_frames(stream):
+        if record.topic == CARRIED and not record.data:
+            is_renewed = True
+        else:
+            writer.feed(record)
+    writer.close()
+    if is_renewed:
+        sys.stdout.buffer.write(writer.carried())
+        sys.stdout.buffer.flush()
+
+
+if __name__ == "__main__":
+    # Ctrl-C goes to the whole group: the parent decides when the drawing ends, by closing the pipe
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with contextlib.suppress(OSError):  # a service manager may forbid it; the picture is drawn all the same
+        os.nice(NICENESS)
+    draw_from(sys.stdin.buffer, Path(sys.argv[1]), sys.argv[2])

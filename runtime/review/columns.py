@@ -1,0 +1,150 @@
+"""Rows of a few seconds gathered per entity and sent to rerun as columns: a third of the cost of row by row."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from drivers.measurements import FloatArray
+from runtime.review.moments import ELAPSED, TICK
+from slam.pose import Pose2
+
+Columns = Mapping[str, Sequence[Any]]
+
+GRAIN_M = 1.0 / 256.0  # 4 mm: far below what a picture shows, and the zero bits that are left compress
+
+
+HEIGHTS_M = {"map/path": 0.05, "map/landmarks": 0.1, "map/association": 0.15, "map/particles": 0.2}
+"""What lies over what when seen from above; all else lies at 0."""
+
+
+class ReviewColumns:
+    """Gathers rows and sends them with `flush`; rows of one entity must all be of one kind."""
+
+    def __init__(self, recording: rr.RecordingStream) -> None:
+        self._recording = recording
+        self._elapsed_ns = 0
+        self._tick = 0
+        self._rows: dict[str, list[tuple[int, int, Any]]] = {}
+        self._kinds: dict[str, str] = {}
+
+    def at(self, elapsed_ns: int, tick: int) -> None:
+        """Time of the rows that follow."""
+        self._elapsed_ns, self._tick = elapsed_ns, tick
+
+    def scalar(self, path: str, value: float) -> None:
+        """One value of a curve."""
+        self._add(path, "scalar", value)
+
+    def points(self, path: str, points_m: FloatArray) -> None:
+        """Points (N, 2) in the map; style is static."""
+        self._add(path, "points", flat(points_m, height_m(path)))
+
+    def named_points(self, path: str, points_m: FloatArray, colors: NDArray[np.uint8], labels: list[str]) -> None:
+        """Points (N, 2) with a colour (N, 3) and a label each."""
+        self._add(path, "named points", (flat(points_m, height_m(path)), colors, labels))
+
+    def strips(self, path: str, strips_m: list[FloatArray]) -> None:
+        """Lines, each (K, 2)."""
+        self._add(path, "strips", [flat(strip, height_m(path)) for strip in strips_m])
+
+    def ellipses(self, path: str, means_m: FloatArray, covariances_m2: FloatArray, sigmas: float, colors: Any) -> None:
+        """Covariance ellipses of (N, 2, 2) around (N, 2); colors (N, 4), or None where the style is static."""
+        self._add(path, "ellipses", (flat(means_m, height_m(path)), *ellipse_axes(covariances_m2, sigmas), colors))
+
+    def pose(self, path: str, pose: Pose2) -> None:
+        """Frame of what is drawn below this path."""
+        self._add(path, "pose", pose)
+
+    def text(self, path: str, text: str, level: str, elapsed_ns: int) -> None:
+        """One line of a log, at its own time."""
+        self._rows.setdefault(path, []).append((elapsed_ns, self._tick, (text, level)))
+        self._kinds[path] = "text"
+
+    def flush(self) -> None:
+        """Send what has been gathered."""
+        for path, rows in self._rows.items():
+            elapsed_ns = np.array([row[0] for row in rows]).astype("timedelta64[ns]")
+            ticks = [row[1] for row in rows]
+            indexes = [rr.TimeColumn(ELAPSED, duration=elapsed_ns), rr.TimeColumn(TICK, sequence=ticks)]
+            columns = _columns(self._kinds[path], [row[2] for row in rows])
+            self._recording.send_columns(path, indexes, columns)
+        self._rows.clear()
+
+    def _add(self, path: str, kind: str, row: Any) -> None:
+        self._kinds[path] = kind
+        self._rows.setdefault(path, []).append((self._elapsed_ns, self._tick, row))
+
+
+def height_m(path: str) -> float:
+    """Height at which an entity is drawn."""
+    return next((height for start, height in HEIGHTS_M.items() if path.startswith(start)), 0.0)
+
+
+def flat(points_m: FloatArray, height: float = 0.0) -> NDArray[np.float32]:
+    """Points (N, 2) as (N, 3) at one height, on a grid of GRAIN_M."""
+    positions = np.full((points_m.shape[0], 3), height, np.float32)
+    positions[:, :2] = np.round(points_m / GRAIN_M) * GRAIN_M
+    return positions
+
+
+def ellipse_axes(covariances_m2: FloatArray, sigmas: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Half sizes (N, 3) and quaternions (N, 4) xyzw of flat ellipsoids for covariances (N, 2, 2)."""
+    values, vectors = np.linalg.eigh(covariances_m2)
+    half_sizes = np.full((len(values), 3), 0.005, np.float32)
+    half_sizes[:, :2] = sigmas * np.sqrt(values.clip(min=1e-8))
+    half_turns_rad = 0.5 * np.arctan2(vectors[:, 1, 0], vectors[:, 0, 0])
+    quaternions = np.zeros((len(values), 4), np.float32)
+    quaternions[:, 2], quaternions[:, 3] = np.sin(half_turns_rad), np.cos(half_turns_rad)
+    return half_sizes, quaternions
+
+
+def _columns(kind: str, rows: list[Any]) -> Any:
+    match kind:
+        case "scalar":
+            return rr.Scalars.columns(scalars=rows)
+        case "points":
+            lengths = [len(row) for row in rows]
+            return rr.Points3D.columns(positions=np.concatenate(rows)).partition(lengths)
+        case "named points":
+            lengths = [len(row[0]) for row in rows]
+            return rr.Points3D.columns(
+                positions=np.concatenate([row[0] for row in rows]),
+                colors=np.concatenate([row[1] for row in rows]),
+                labels=[label for row in rows for label in row[2]],
+            ).partition(lengths)
+        case "strips":
+            lengths = [len(row) for row in rows]
+            return rr.LineStrips3D.columns(strips=[strip for row in rows for strip in row]).partition(lengths)
+        case "ellipses":
+            return _ellipse_columns(rows)
+        case "pose":
+            headings_rad = np.array([pose.heading_rad for pose in rows])
+            quaternions = np.zeros((len(rows), 4))
+            quaternions[:, 2], quaternions[:, 3] = np.sin(0.5 * headings_rad), np.cos(0.5 * headings_rad)
+            return rr.Transform3D.columns(
+                translation=[(pose.x_m, pose.y_m, 0.0) for pose in rows], quaternion=quaternions
+            )
+        case "text":
+            return rr.TextLog.columns(text=[row[0] for row in rows], level=[row[1] for row in rows])
+    raise ValueError(f"{kind=} is none of the kinds of rows")
+
+
+def _ellipse_columns(rows: list[Any]) -> Any:
+    lengths = [len(row[0]) for row in rows]
+    fields: dict[str, Any] = {
+        "centers": np.concatenate([row[0] for row in rows]),
+        "half_sizes": np.concatenate([row[1] for row in rows]),
+        "quaternions": np.concatenate([row[2] for row in rows]),
+    }
+    if rows[0][3] is not None:
+        fields["colors"] = np.concatenate([row[3] for row in rows])
+    return rr.Ellipsoids3D.columns(**fields).partition(lengths)
+
+
+def mixed(low: tuple[int, int, int], high: tuple[int, int, int], share: FloatArray) -> NDArray[np.uint8]:
+    """Colours (N, 3) between two, by shares (N,) in 0 to 1."""
+    colors = np.outer(1.0 - share, low) + np.outer(share, high)
+    return colors.round().astype(np.uint8)

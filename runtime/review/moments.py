@@ -1,0 +1,119 @@
+"""The records of a run put together again, tick by tick, as the review draws them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.measurements import Event, FloatArray, Scan, Severity
+from runtime.messages.estimate import decode_estimate
+from runtime.messages.ros import decode_ranges_m
+from runtime.messages.tick import Record, decode_gap, decode_tick, decode_timing, decode_truth
+from runtime.tick import Tick, Timing
+from slam.estimate import Estimate
+from slam.pose import Pose2
+
+ELAPSED, TICK = "elapsed", "tick"
+"""The two timelines: seconds since the first tick, and the number of the tick."""
+
+
+@dataclass(slots=True)
+class Moment:
+    """One tick and what came of it; what was not recorded is None. losses: what the record says it lost before."""
+
+    tick: Tick
+    losses: tuple[Event, ...] = ()
+    estimate: Estimate | None = None
+    timing: Timing | None = None
+    truth: Pose2 | None = None
+
+
+class MomentAssembler:
+    """Takes records in the order of writing and gives a moment when the next one begins."""
+
+    def __init__(self) -> None:
+        self.incomplete = 0  # ticks whose scan was lost on the way here
+        self._ranges_m: NDArray[np.float32] | None = None
+        self._losses: list[Event] = []
+        self._current: Moment | None = None
+
+    def feed(self, record: Record) -> Moment | None:
+        """The moment before this record if the record begins another, else None."""
+        moment = self._current
+        match record.topic:
+            case "/scan":
+                self._ranges_m = decode_ranges_m(record.data)
+            case "/tick":
+                self._begin(record)
+                return moment
+            case "/gap":
+                gap = decode_gap(record.data)
+                reason = f"{gap.ticks} tick(s) and {gap.raw} raw message(s) lost: {gap.reason}"
+                self._losses.append(Event(gap.stamp_ns, "record", "gap", reason, Severity.WARN))
+            case "/estimate" if moment is not None:
+                moment.estimate = decode_estimate(record.data)
+            case "/timing" if moment is not None:
+                moment.timing = decode_timing(record.data)
+            case "/truth" if moment is not None:
+                moment.truth = decode_truth(record.data)
+        return None
+
+    def last(self) -> Moment | None:
+        """The moment that no other has followed."""
+        moment, self._current = self._current, None
+        return moment
+
+    def _begin(self, record: Record) -> None:
+        try:
+            tick = decode_tick(record.data, self._ranges_m)
+        except ValueError:
+            self.incomplete += 1
+            self._current = None
+        else:
+            self._current = Moment(tick, tuple(self._losses))
+            self._losses.clear()
+        self._ranges_m = None
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """How the body moved around the stamp of an estimate, by the odometry between it and the one before.
+
+    The estimate is for the beat; what the laser saw lies some hundredths of a second before. Drawn with the
+    beat's pose, walls would smear by metres in a turn.
+    """
+
+    stamp_ns: int
+    map_from_body: Pose2
+    span_ns: int
+    body_from_body_before: Pose2
+
+    @classmethod
+    def between(cls, before: Estimate | None, now: Estimate) -> "Motion":
+        """Of two estimates in a row; at rest when there is only one, or a long time lies between."""
+        span_ns = 0 if before is None else now.stamp_ns - before.stamp_ns
+        if before is None or not 0 < span_ns <= 1_000_000_000:
+            return cls(now.stamp_ns, now.map_from_body, 1, Pose2())
+        return cls(now.stamp_ns, now.map_from_body, span_ns, now.odom_from_body.inverse() @ before.odom_from_body)
+
+    def to_map(self, stamps_ns: NDArray[np.int64], points_m: FloatArray, body_from_laser: Pose2) -> FloatArray:
+        """Points (N, 2) of the laser's frame, each seen at its own stamp (N,), in the map frame."""
+        before = self.body_from_body_before
+        share = np.clip((self.stamp_ns - stamps_ns) / self.span_ns, -1.0, 3.0)
+        body_m = body_from_laser.transform(points_m)
+        cosine, sine = np.cos(share * before.heading_rad), np.sin(share * before.heading_rad)
+        x, y = body_m[:, 0], body_m[:, 1]
+        there_m = np.stack(
+            (share * before.x_m + cosine * x - sine * y, share * before.y_m + sine * x + cosine * y), axis=-1
+        )
+        return self.map_from_body.transform(there_m)
+
+
+def beam_points(scan: Scan) -> tuple[NDArray[np.int64], FloatArray, NDArray[np.bool_]]:
+    """Stamps (N,), points (N, 2) in the laser's frame and whether something came back (N,), of every beam."""
+    beams = np.arange(scan.ranges_m.size)
+    stamps_ns = scan.stamp_ns + ((beams - scan.stamp_beam) * (scan.beam_period_s * 1e9)).astype(np.int64)
+    returned = np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.range_max_m)
+    ranges_m = np.where(returned, scan.ranges_m, 0.0).astype(np.float64)
+    points_m = ranges_m[:, None] * np.stack((np.cos(scan.bearings_rad), np.sin(scan.bearings_rad)), axis=-1)
+    return stamps_ns, points_m, returned

@@ -1,0 +1,1 @@
+"""Which keys does a configuration have, and is this one in order? Begin at configuration.py."""

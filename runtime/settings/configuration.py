@@ -1,0 +1,145 @@
+"""Configuration: TOML read once into frozen models; anything wrong names the key, the value and the remedy."""
+
+import difflib
+import hashlib
+import json
+import tomllib
+import typing
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from drivers.settings.encoders import EncoderSettings
+from drivers.settings.laser import LaserSettings
+from drivers.settings.simulation import SimulationSettings
+from runtime.errors import ConfigurationError
+from runtime.settings.data_set import DataSetSettings
+from runtime.settings.loop import LoopSettings
+from runtime.settings.publish import PublishSettings
+from runtime.settings.record import RecordSettings
+from runtime.settings.review import ReviewSettings
+from slam.settings.slam import SlamSettings
+
+Tree = dict[str, Any]
+
+
+class Configuration(BaseModel):
+    """All settings of a run. A recorded data set has only [slam]; a live rover has [laser] and [encoders] too."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    rover: str = Field("infant", pattern=r"^[A-Za-z0-9_-]{1,32}$", description="name in every key that is published")
+    seed: int = Field(1, ge=0, le=2**32 - 1, description="seeds the filter")
+    slam: SlamSettings = SlamSettings()
+    laser: LaserSettings | None = None
+    encoders: EncoderSettings | None = None
+    loop: LoopSettings = LoopSettings()
+    record: RecordSettings = RecordSettings()
+    publish: PublishSettings = PublishSettings()
+    review: ReviewSettings = ReviewSettings()
+    simulation: SimulationSettings | None = None
+    data_set: DataSetSettings | None = None
+
+    @property
+    def text(self) -> str:
+        """The configuration in force as canonical TOML; load_configuration_text gives it back."""
+        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True))
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the canonical text, hexadecimal."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+
+def load_configuration(path: Path, overrides: Mapping[str, str] | None = None) -> Configuration:
+    """Read a TOML file and apply overrides such as {"slam.particles": "200"}.
+
+    Raises ConfigurationError (exit code 3) with one sentence per problem.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8 text") from error
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read ({error.strerror}); give the path of a TOML file") from error
+    return load_configuration_text(text, overrides, source=str(path))
+
+
+def load_configuration_text(
+    text: str, overrides: Mapping[str, str] | None = None, source: str = "configuration"
+) -> Configuration:
+    """The same for text, for example out of a run's header."""
+    try:
+        tree = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{source}: not valid TOML: {error}") from error
+    for key, value in (overrides or {}).items():
+        _set(tree, key, value)
+    try:
+        # JSON mode: strict about types, yet lists fill tuples and words fill enumerations
+        return Configuration.model_validate_json(json.dumps(tree, default=str), strict=True)
+    except ValidationError as error:
+        problems = "\n".join(f"{source}: {_sentence(problem)}" for problem in error.errors())
+        raise ConfigurationError(problems) from error
+
+
+def _set(tree: Tree, key: str, text: str) -> None:
+    """Put one override into the tree; the text is a TOML value, or a bare word taken as a string."""
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text
+    *tables, last = key.split(".")
+    for table in tables:
+        tree = tree.setdefault(table, {})
+        if not isinstance(tree, dict):
+            raise ConfigurationError(f"{key} = {text}: {table} is a value, not a table; name a key of a table")
+    tree[last] = value
+
+
+def _sentence(problem: Any) -> str:
+    """Key, value, what was expected and, for a misspelt key, what was probably meant."""
+    location = tuple(part for part in problem["loc"] if isinstance(part, str | int))
+    key = ".".join(str(part) for part in location)
+    match problem["type"]:
+        case "extra_forbidden":
+            known = _fields_at(location[:-1])
+            close = difflib.get_close_matches(str(location[-1]), known, n=1)
+            hint = f"did you mean {close[0]}?" if close else f"known keys here: {', '.join(sorted(known))}"
+            return f"{key} = {problem['input']!r}: unknown key; {hint}"
+        case "union_tag_invalid":
+            key, tags = f"{key}.{_discriminator(problem)}", problem["ctx"]["expected_tags"]
+            return f"{key} = {problem['ctx']['tag']!r}: expected one of {tags}; change it in the configuration"
+        case "union_tag_not_found":
+            return f"{key}.{_discriminator(problem)}: missing; it says what this table describes"
+        case "missing":
+            return f"{key}: missing; add it to the configuration"
+        case _:
+            expected = problem["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+            return f"{key} = {problem['input']!r}: expected {expected}; change it in the configuration"
+
+
+def _discriminator(problem: Any) -> str:
+    """The key that tells the tables of a union apart."""
+    return str(problem["ctx"]["discriminator"]).strip("'")
+
+
+def _fields_at(location: tuple[str | int, ...]) -> list[str]:
+    """Names of the keys that the model at this place has; walks through optional models and unions."""
+    candidates: list[Any] = [Configuration]
+    for part in location:
+        following: list[Any] = []
+        for model in candidates:
+            if part in model.model_fields:
+                following += _models_in(model.model_fields[str(part)].annotation)
+        candidates = following or candidates  # a union's tag is part of the location but not a field
+    return sorted({name for model in candidates for name in model.model_fields})
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for inner in typing.get_args(annotation) for model in _models_in(inner)]

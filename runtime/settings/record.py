@@ -1,0 +1,29 @@
+"""Settings of the loop and of the record."""
+
+from pydantic import BaseModel, ConfigDict, Field
+
+
+class RecordSettings(BaseModel):
+    """Where runs are kept and what goes into them."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    folder: str = Field("runs", min_length=1, description="each run becomes a folder in here; --out names one run")
+    raw: bool = Field(True, description="keep every byte of the laser and every CAN frame beside the ticks")
+    segment_s: float = Field(
+        60.0, ge=0.5, le=3600.0, description="a segment is closed after this long and then never touched again"
+    )
+    budget_gb: float = Field(
+        0.0,
+        ge=0.0,
+        le=100_000.0,
+        description="all runs in the folder may take this much; beyond it the oldest segments go that nobody marked. "
+        "0: no limit, and runs other than this one are never touched",
+    )
+    keep_free_gb: float = Field(
+        0.5,
+        ge=0.0,
+        le=100_000.0,
+        description="leave this much of the disk free: a system without space does not start again. "
+        "The oldest unmarked segments of this run go for it",
+    )

@@ -1,0 +1,232 @@
+"""The service on a machine: which file goes where, what differs there, and which commands make systemd take it.
+
+Nothing here changes anything before `apply`; a plan can be shown, and applied again without harm.
+"""
+
+import difflib
+import os
+import shutil
+import subprocess
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from runtime.errors import PreflightError, StorageError
+from runtime.settings.configuration import load_configuration
+from runtime.setup.usable import refuse_unusable
+from runtime.source_tree import CONFIG, ROOT
+
+SHIPPED_PROGRAM = Path("/opt/infant/.venv/bin/infant")  # as the units of the repository name it
+CONFIGURATION = "etc/infant/rover.toml"
+PLACES = {
+    "systemd/infant.sysusers": "etc/sysusers.d/infant.conf",
+    "systemd/infant.tmpfiles": "etc/tmpfiles.d/infant.conf",
+    "systemd/80-infant-lidar.rules": "etc/udev/rules.d/80-infant-lidar.rules",
+    "systemd/80-can0.network": "etc/systemd/network/80-can0.network",
+    "systemd/infant-warmup.service": "etc/systemd/system/infant-warmup.service",
+    "systemd/infant.service": "etc/systemd/system/infant.service",
+}
+"""File of the repository: its place on the rover, below the root."""
+
+Command = tuple[str, ...]
+Run = Callable[[Command], None]
+
+
+class FileState(StrEnum):
+    """What a file of the plan is to the file that is there."""
+
+    NEW = "new"
+    UNCHANGED = "unchanged"
+    DIFFERS = "differs"
+    KEPT = "kept"  # it differs, and is the engineer's own
+    REMOVED = "removed"
+    ABSENT = "absent"
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedFile:
+    """One file; diff holds the lines that would change, as `diff -u` shows them."""
+
+    path: Path
+    text: str
+    state: FileState
+    diff: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """All that is done: commands `before`, then the files, then `commands`. notes: what the engineer must know."""
+
+    files: tuple[PlannedFile, ...]
+    commands: tuple[Command, ...]
+    notes: tuple[str, ...] = ()
+    before: tuple[Command, ...] = ()
+
+
+def plan_install(root: Path, program: Path, configuration: Path | None = None) -> Plan:
+    """What `infant install` would do below `root`, with units that start `program`.
+
+    configuration: what becomes /etc/infant/rover.toml where there is none; the repository's own by default.
+    Raises ConfigurationError when what will be in force there cannot be used, StorageError when a file cannot be read.
+    """
+    files = tuple(_planned(ROOT / name, root / place, program) for name, place in PLACES.items())
+    source = configuration or CONFIG / "rover.toml"
+    refuse_unusable(load_configuration(source), str(source))
+    chosen = _planned(source, root / CONFIGURATION, program)
+    notes: tuple[str, ...] = ()
+    if chosen.state is FileState.DIFFERS:
+        chosen = PlannedFile(chosen.path, chosen.text, FileState.KEPT, chosen.diff)
+        refuse_unusable(load_configuration(chosen.path), str(chosen.path))
+        notes += (f"{chosen.path} is kept as it is: a configuration is never overwritten",)
+    if root == Path("/"):
+        live = _live_commands()
+        notes += _live_notes()
+    else:
+        live = ()
+        notes += ("the kernels of the filter are compiled before the first start, which takes half a minute",)
+        if not (root / program.relative_to("/")).exists():
+            notes += (f"the image has no {program} yet; the units start it from there",)
+    offline = () if root == Path("/") else (f"--root={root}",)
+    commands: tuple[Command, ...] = (
+        ("systemd-sysusers", *offline, _name("etc/sysusers.d/infant.conf", root)),
+        ("systemd-tmpfiles", *offline, "--create", _name("etc/tmpfiles.d/infant.conf", root)),
+        *live,
+        ("systemctl", *offline, "enable", "infant.service"),
+    )
+    return Plan((*files, chosen), commands, notes)
+
+
+def plan_removal(root: Path, program: Path) -> Plan:
+    """What `infant install --remove` would do: units and rules go; runs, the user and an edited configuration stay."""
+    files = []
+    for name, place in (*PLACES.items(), ("config/rover.toml", CONFIGURATION)):
+        planned = _planned(ROOT / name, root / place, program)
+        kept = place == CONFIGURATION and planned.state is FileState.DIFFERS
+        state = FileState.KEPT if kept else FileState.REMOVED
+        state = FileState.ABSENT if planned.state is FileState.NEW else state
+        files.append(PlannedFile(planned.path, planned.text, state))
+    notes = ("runs in /var/lib/infant and the user infant stay",)
+    if not any(each.path.name == "infant.service" and each.state is FileState.REMOVED for each in files):
+        return Plan(tuple(files), (), notes)
+    if root != Path("/"):
+        return Plan(tuple(files), (), notes, (("systemctl", f"--root={root}", "disable", "infant.service"),))
+    stop = (("systemctl", "disable", "--now", "infant.service"), ("systemctl", "stop", "infant-warmup.service"))
+    return Plan(tuple(files), (("systemctl", "daemon-reload"),), notes, stop)
+
+
+def apply(plan: Plan, run: Run) -> None:
+    """Do it: `before`, write and remove files, `commands`. Raises StorageError, PreflightError."""
+    for command in plan.before:
+        run(command)
+    for each in plan.files:
+        if each.state in (FileState.NEW, FileState.DIFFERS):
+            _write(each.path, each.text)
+        elif each.state is FileState.REMOVED:
+            _remove(each.path)
+    for command in plan.commands:
+        run(command)
+
+
+def execute(command: Command) -> None:
+    """Run one command of a plan. Raises PreflightError with what it said."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, errors="replace")
+    except OSError as error:
+        raise PreflightError(f"{' '.join(command)}: {error.strerror}; the service needs systemd") from error
+    if done.returncode:
+        said = (done.stderr or done.stdout).strip().splitlines()
+        why = said[0].rstrip(".") if said else f"exit code {done.returncode}"
+        raise PreflightError(f"{' '.join(command)}: {why}; mend it and run infant install again")
+
+
+def refusal(root: Path, privileged: bool = True) -> str:
+    """One sentence on why this process cannot install below `root`, empty if it can; privileged: ask for root too."""
+    if root != Path("/"):
+        return "" if root.is_dir() else f"--root {root} is no folder; give the root of an image"
+    if shutil.which("systemctl") is None or not Path("/run/systemd/system").is_dir():
+        return "this machine was not started by systemd, so there is nothing to install into; use --root for an image"
+    if privileged and os.geteuid() != 0:
+        return f"installing needs root; run 'sudo {SHIPPED_PROGRAM} install', or --dry-run to see what it would do"
+    return ""
+
+
+def plan_lines(plan: Plan) -> Sequence[str]:
+    """The plan for people: a line per file with what would change below it, a line per command."""
+    lines = [f"run       {' '.join(command)}" for command in plan.before]
+    for each in plan.files:
+        lines.append(f"{each.state:10s}{each.path}")
+        lines += [f"          {line}" for line in each.diff]
+    lines += [f"run       {' '.join(command)}" for command in plan.commands]
+    return lines + [f"note      {note}" for note in plan.notes]
+
+
+def _live_commands() -> tuple[Command, ...]:
+    """What a running system needs to take the files; programs that are not there have nothing to be told."""
+    commands: list[Command] = [("systemctl", "daemon-reload")]
+    if shutil.which("udevadm") is not None:
+        commands += [("udevadm", "control", "--reload"), ("udevadm", "trigger", "--subsystem-match=tty")]
+    if _is_active("systemd-networkd.service"):
+        commands.append(("networkctl", "reload"))
+    return (*commands, ("systemctl", "restart", "infant-warmup.service"))
+
+
+def _live_notes() -> tuple[str, ...]:
+    notes = []
+    if not _is_active("systemd-networkd.service"):
+        notes.append("systemd-networkd is not active: enable it, or bring can0 up yourself (bit rate, restart-ms)")
+    if _is_active("infant.service"):
+        notes.append("infant is running as it was installed before; 'systemctl restart infant' takes the new one")
+    else:
+        notes.append("'systemctl start infant' starts it now; it starts by itself after each boot")
+    return tuple(notes)
+
+
+def _is_active(unit: str) -> bool:
+    if shutil.which("systemctl") is None:
+        return False
+    return subprocess.run(["systemctl", "is-active", "--quiet", unit], capture_output=True, check=False).returncode == 0
+
+
+def _planned(source: Path, target: Path, program: Path) -> PlannedFile:
+    """One file of the repository against the one in its place."""
+    text = _text(source).replace(str(SHIPPED_PROGRAM), str(program))
+    if not target.exists():
+        return PlannedFile(target, text, FileState.NEW)
+    there = _text(target)
+    if there == text:
+        return PlannedFile(target, text, FileState.UNCHANGED)
+    diff = difflib.unified_diff(there.splitlines(), text.splitlines(), str(target), str(source), n=1, lineterm="")
+    return PlannedFile(target, text, FileState.DIFFERS, tuple(diff))
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
+        raise StorageError(f"{path} cannot be read ({why}); install from a whole checkout") from error
+
+
+def _write(path: Path, text: str) -> None:
+    """Whole or not at all."""
+    unfinished = path.with_name(f".{path.name}.unfinished")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished.write_text(text, encoding="utf-8")
+        unfinished.chmod(0o644)
+        os.replace(unfinished, path)
+    except OSError as error:
+        raise StorageError(f"{path} cannot be written ({error.strerror}); check the mount") from error
+
+
+def _remove(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise StorageError(f"{path} cannot be removed ({error.strerror}); check the mount") from error
+
+
+def _name(place: str, root: Path) -> str:
+    """How a tool that is told --root names a file below it."""
+    return str(Path("/") / place) if root == Path("/") else Path(place).name

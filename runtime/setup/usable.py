@@ -1,0 +1,34 @@
+"""What no waiting mends is refused before anything is started: no folder is made, no thread runs, exit code 3."""
+
+import can
+
+from drivers.measurements import DriverError
+from drivers.wheels.layouts.choose import wheel_frames
+from runtime.errors import ConfigurationError
+from runtime.settings.configuration import Configuration
+
+
+def refuse_unusable(configuration: Configuration, source: str) -> None:
+    """Raises ConfigurationError where a live run cannot begin with this; source: the file, for the sentence.
+
+    A sensor that does not answer or an interface that is down is none of these: these come back, and are states.
+    """
+    for name, table in (("laser", configuration.laser), ("encoders", configuration.encoders)):
+        if table is None:
+            raise ConfigurationError(f"{source}: {name}: missing; a live run needs the tables [laser] and [encoders]")
+    assert configuration.encoders is not None
+    interface = configuration.encoders.bus.interface
+    if interface not in can.VALID_INTERFACES:
+        known = ", ".join(sorted(can.VALID_INTERFACES))
+        raise ConfigurationError(f"{source}: encoders.bus.interface = {interface!r}: expected one of {known}")
+    try:
+        wheel_frames(configuration.encoders)
+    except DriverError as error:
+        raise ConfigurationError(f"{source}: encoders.layout: {error}") from error
+    if configuration.publish.enabled and configuration.publish.config_file is not None:
+        from runtime.publish.session import rover_config
+
+        try:
+            rover_config(configuration.publish, ())
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{source}: {error}") from error

@@ -1,0 +1,83 @@
+"""Faults that a person types at a running `infant sim`: one line each, on its standard input."""
+
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol, TextIO
+
+from pydantic import BaseModel, ValidationError
+
+from drivers.settings.simulated_laser import LaserFault
+from drivers.settings.simulated_wheels import WheelFault
+from runtime.errors import UsageError
+
+HOW = "for example 'laser silence duration_s=2', 'wheels bus_off duration_s=1' or 'clear laser'"
+FAULTS: dict[str, tuple[type[BaseModel], str]] = {"laser": (LaserFault, "kind"), "wheels": (WheelFault, "name")}
+
+
+class Device(Protocol):
+    """A simulated device as seen from here."""
+
+    def inject(self, fault: Any) -> None:
+        """Begin a fault, a LaserFault or a WheelFault."""
+
+    def clear(self) -> None:
+        """End all faults."""
+
+
+def follow(lines: TextIO, devices: Mapping[str, Device], say: Callable[[str], object]) -> threading.Thread:
+    """Obey lines from a thread of its own until they end; each is answered by one sentence through `say`."""
+
+    def listen() -> None:
+        for line in lines:
+            if line.strip():
+                try:
+                    say(obey(line, devices))
+                except UsageError as error:
+                    say(str(error))
+
+    thread = threading.Thread(target=listen, name="desk faults", daemon=True)
+    thread.start()
+    return thread
+
+
+def obey(line: str, devices: Mapping[str, Device]) -> str:
+    """Carry out 'DEVICE FAULT [KEY=VALUE]...' or 'clear DEVICE' and tell what was done.
+
+    Raises UsageError for a line that is neither, for a device that is not there and for a fault that does not exist.
+    """
+    words = line.split()
+    if words[0] == "clear" and len(words) == 2:
+        _known(words[1], devices).clear()
+        return f"{words[1]}: no faults"
+    if len(words) < 2:
+        raise UsageError(f"{line.strip()}: not understood; type a device and a fault, {HOW}")
+    device = _known(words[0], devices)
+    model, name = FAULTS[words[0]]
+    fields = {name: words[1]} | dict(_key_value(word) for word in words[2:])
+    try:
+        device.inject(model.model_validate(fields))
+    except ValidationError as error:
+        raise UsageError("; ".join(_sentence(words[0], problem) for problem in error.errors())) from error
+    return f"{words[0]}: {' '.join(words[1:])}"
+
+
+def _known(name: str, devices: Mapping[str, Device]) -> Device:
+    if name not in devices:
+        raise UsageError(f"{name}: no such device here; expected {' or '.join(devices)}, {HOW}")
+    return devices[name]
+
+
+def _key_value(word: str) -> tuple[str, str]:
+    key, equals, text = word.partition("=")
+    if not key or not equals:
+        raise UsageError(f"{word}: expected KEY=VALUE, {HOW}")
+    return key, text
+
+
+def _sentence(device: str, problem: Any) -> str:
+    key = ".".join(str(part) for part in problem["loc"])
+    if problem["type"] == "extra_forbidden":
+        known = ", ".join(FAULTS[device][0].model_fields)
+        return f"{device} {key}={problem['input']!r}: unknown key; keys of a fault are {known}"
+    expected = problem["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    return f"{device} {key}={problem['input']!r}: expected {expected}"

@@ -1,0 +1,1 @@
+"""How fast are the parts of a tick? Begin at measures.py."""

@@ -1,0 +1,1 @@
+"""Do the figures and claims of the paper hold? Begin at study.py."""

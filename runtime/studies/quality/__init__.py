@@ -1,0 +1,1 @@
+"""How soon does a lost rover say so, and how often wrongly? Begin at study.py."""

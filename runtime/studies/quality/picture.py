@@ -1,0 +1,49 @@
+"""The curve: what is told against what is told wrongly, for either bound."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from runtime.errors import UsageError
+
+TITLES = {"lost_score": "kidnapped, by lost_score", "lost_blind_s": "blinded, by lost_blind_s"}
+
+
+@dataclass(frozen=True, slots=True)
+class CurvePoint:
+    """What one bound gives: share of the mishaps told within 3 s, and false alarms an hour."""
+
+    bound: str
+    value: float
+    told_share: float
+    false_per_hour: float
+
+
+def draw(points: Sequence[CurvePoint], path: Path) -> None:
+    """One panel for each bound. Raises UsageError where the extra `review` is missing."""
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ModuleNotFoundError as error:
+        raise UsageError("the picture needs the extra: pip install 'infant[review]'") from error
+    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    for panel, (bound, title) in zip(figure.subplots(1, 2), TITLES.items(), strict=True):
+        row = [point for point in points if point.bound == bound]
+        panel.plot([p.false_per_hour for p in row], [100.0 * p.told_share for p in row], "o-", color="tab:blue")
+        for point in row:
+            panel.annotate(
+                f"{point.value:g}",
+                (point.false_per_hour, 100.0 * point.told_share),
+                textcoords="offset points",
+                xytext=(5, -10),
+                fontsize=7,
+            )
+        panel.set_xscale("symlog", linthresh=0.1)
+        panel.axhline(95.0, color="grey", linewidth=0.8, linestyle="--")
+        panel.axvline(1.0, color="grey", linewidth=0.8, linestyle="--")
+        panel.set_xlabel("false alarms per hour")
+        panel.set_ylabel("told within 3 s, %")
+        panel.set_ylim(-3.0, 105.0)
+        panel.set_title(title, fontsize=10)
+    figure.savefig(path, dpi=120)

@@ -1,0 +1,108 @@
+"""One simulated drive with the filter's own doubts about it, and what other bounds would have said of it."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from drivers.measurements import FloatArray
+from drivers.settings.simulated_world import DriveSettings, WorldSettings
+from runtime.studies.jobs import Result
+from runtime.studies.quality.drives import MishapKind, draw_mishap, moments
+from slam.estimate import Quality
+from slam.estimator import Estimator
+from slam.joint.evidence import Evidence
+from slam.pose import wrap_rad
+from slam.quality import QualityMonitor, largest_deviation_m
+from slam.settings.quality import QualitySettings
+from slam.settings.slam import SlamSettings
+
+WATCHED_S = 6.0  # of a drive after a mishap
+PLACES: Mapping[str, Mapping[str, Any]] = {
+    "park": {},
+    "crowd": {"people": 20},
+    "open": {"poles": 5, "trees": 5, "walls": 1, "bushes": 4, "people": 14},
+    "large": {
+        "poles": 36,
+        "trees": 42,
+        "bushes": 20,
+        "walls": 6,
+        "people": 14,
+        "drive": DriveSettings(course_scale=3.0),
+    },
+}
+COLUMNS = ("stamp_s", "has_scan", "known", "found", "missed", "square", "sigma_m", "gap_m", "error_m", "error_rad")
+
+
+def place(name: str, seed: int) -> WorldSettings:
+    """One of the places: a park, a crowd in it, an open field with few things and many people, a larger park."""
+    return WorldSettings(seed=seed, **PLACES[name])
+
+
+def trial(
+    seed: int,
+    where: str,
+    kind: str,
+    duration_s: float,
+    particles: int,
+    quality: Mapping[str, Any],
+    code: str,  # noqa: ARG001  names the job
+) -> Result:
+    """One drive. kind: what happens to it, "" for nothing; then it lasts duration_s.
+
+    Result: at_s of the mishap (None without), states: pairs of time and quality at each change, trace: COLUMNS a tick.
+    """
+    world = place(where, seed)
+    mishap = draw_mishap(MishapKind(kind), world) if kind else None
+    mount = world.laser.body_from_laser
+    settings = SlamSettings.model_validate(
+        {
+            "particles": particles,
+            "mount": {"x_m": mount[0]},
+            "quality": {**quality, "lost_sigma_m": 0.0, "lost_sigma_rad": 0.0},  # the trace holds the filter's own
+            "map_every": 1000,
+        }
+    )
+    estimator = Estimator(settings, seed)
+    trace: list[list[float]] = []
+    states: list[tuple[float, str, str]] = []
+    for moment in moments(world, duration_s if mishap is None else mishap.at_s + WATCHED_S, mishap):
+        estimate = estimator.step(moment.stamp_ns, moment.scan, moment.wheels)
+        pose, truth, counts, stamp_s = estimate.map_from_body, moment.truth, estimate.counts, moment.stamp_ns * 1e-9
+        if not states or states[-1][1] != estimate.quality.value:
+            states.append((stamp_s, estimate.quality.value, estimate.doubt))
+        trace.append(
+            [
+                round(stamp_s, 4),
+                float(moment.scan is not None),
+                *(counts.get(name, 0.0) for name in ("known_in_view", "known_found", "known_missed")),
+                round(counts.get("known_square", 0.0), 3),
+                round(largest_deviation_m(estimate.covariance), 4),
+                round(math.dist((pose.x_m, pose.y_m), (estimate.particle_mean.x_m, estimate.particle_mean.y_m)), 4),
+                round(math.dist((pose.x_m, pose.y_m), truth[:2]), 4),
+                round(wrap_rad(pose.heading_rad - float(truth[2])), 5),
+            ]
+        )
+    return {
+        "seed": seed,
+        "where": where,
+        "kind": kind,
+        "at_s": None if mishap is None else mishap.at_s,
+        "states": states,
+        "trace": trace,
+    }
+
+
+def judged_again(trace: FloatArray, settings: QualitySettings) -> Iterator[Quality]:
+    """What the monitor says, tick by tick, of a recorded trace (n, COLUMNS) with other bounds.
+
+    Which landmarks count as settled, and when the map is held, stay as they were in the drive.
+    """
+    monitor = QualityMonitor(settings)
+    for row in trace:
+        stamp_ns = round(row[0] * 1e9)
+        if row[1]:
+            monitor.weigh(stamp_ns, Evidence(int(row[2]), int(row[3]), int(row[4]), float(row[5])))
+        covariance = np.diag((row[6] ** 2, row[6] ** 2, 0.0))
+        yield monitor.judge(stamp_ns, covariance, float(row[7])).quality

@@ -1,0 +1,130 @@
+"""What the front end does with scans that come seconds apart: lays each onto those before it (decision 0016).
+
+Between such scans the wheels err by more than features are apart, and no earlier scan is young enough to be compared
+with. The motion by the wheels is the prior of a point-to-line alignment (Censi 2008) with a few earlier scans; the
+result enters the filter as the increment that the wheels would have given, better known.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.measurements import FloatArray, Scan, ScanLike
+from slam.front_end.alignment_kernels import surface_normals
+from slam.front_end.alignment_search import Search
+from slam.front_end.deskew import Beams, Twist, deskew
+from slam.odometry.odometry import Increment
+from slam.pose import Pose2, wrap_rad
+from slam.settings.alignment import AlignmentSettings
+from slam.settings.front_end import FrontEndSettings
+
+
+@dataclass(slots=True, eq=False)
+class SeenFrom:
+    """A scan as it was taken, and where the body was on a path of refined increments; surfaces when first needed."""
+
+    scan: Scan
+    twist: Twist
+    path_from_body: Pose2
+    beams: Beams | None = None
+    normals: FloatArray | None = None
+
+
+class Alignment:
+    """Remembers the last scans; refines an increment where too few of them are young enough to vote on the new one.
+
+    refined: how many increments it has refined.
+    """
+
+    def __init__(self, settings: FrontEndSettings, body_from_laser: Pose2) -> None:
+        self._settings = settings
+        self._own: AlignmentSettings = settings.alignment
+        self._body_from_laser = body_from_laser
+        self._past: deque[SeenFrom] = deque(
+            maxlen=max(1 + self._own.scans * (self._own.scans - 1) // 2, settings.least_support)
+        )
+        self._path_from_body = Pose2()
+        self.refined = 0
+
+    def refine(self, scan: ScanLike, increment: Increment) -> Increment:
+        """The increment up to this scan, better known where scans are sparse, as it is elsewhere.
+
+        Shown every scan once and in order. Raises ValueError when the bearings of a sparse scan do not increase.
+        """
+        if not self._own.enabled or not isinstance(scan, Scan) or scan.ranges_m.size < 2:
+            return increment
+        twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
+        now = SeenFrom(scan, twist, Pose2())
+        if not increment.at_rest and self._past and self._sparse(scan.stamp_ns):
+            increment = self._aligned(now, increment)
+        self._path_from_body = now.path_from_body = self._path_from_body @ increment.as_pose()
+        self._past.append(now)
+        return increment
+
+    def _sparse(self, stamp_ns: int) -> bool:
+        """True where one of the last scans that a vote needs is too old for it."""
+        oldest_ns = self._settings.oldest_s * 1e9
+        needed = list(self._past)[-self._settings.least_support :]
+        return any(stamp_ns - past.scan.stamp_ns > oldest_ns for past in needed)
+
+    def _aligned(self, now: SeenFrom, increment: Increment) -> Increment:
+        """The increment that lays the scan onto those before it; as it was where that cannot be told."""
+        own, prior = self._own, increment.mean
+        floor = np.array((own.wheels_sigma_m, own.wheels_sigma_m, own.wheels_sigma_rad)) ** 2
+        covariance = increment.covariance + np.diag(floor)
+        past = [seen for seen in self._references() if same_directions(seen.scan, now.scan)]
+        beams = self._beams(now)
+        returned = np.flatnonzero(~np.isnan(beams.ranges_m))
+        if not past or len(returned) < own.least_points or not np.isfinite(covariance).all():
+            return increment
+        points = beams.points_m[returned[:: -(-len(returned) // own.points)]]
+        past_from_body = [
+            (seen.path_from_body @ self._body_from_laser).inverse() @ self._path_from_body for seen in past
+        ]
+        search = Search(
+            own,
+            self._body_from_laser.transform(points),
+            np.stack([self._beams(seen).points_m for seen in past]),
+            np.stack([self._normals(seen) for seen in past]),
+            np.array([(p.x_m, p.y_m, math.cos(p.heading_rad), math.sin(p.heading_rad)) for p in past_from_body]),
+            float(now.scan.bearings_rad[0]),
+            beams.spacing_rad,
+        )
+        motion, information, count = search.best(prior, covariance)
+        off = motion - prior
+        if count < max(own.least_points, own.least_share * len(points)):
+            return increment
+        if not off @ np.linalg.solve(covariance, off) <= own.widest_square:  # also where it is NaN
+            return increment
+        self.refined += 1
+        motion[2] = wrap_rad(float(motion[2]))
+        refined = np.linalg.inv(information)
+        return replace(increment, mean=motion, covariance=0.5 * (refined + refined.T))
+
+    def _references(self) -> list[SeenFrom]:
+        """The scan before, and older ones ever farther apart: what they see longest ties the path together."""
+        numbers = [1 + number * (number + 1) // 2 for number in range(self._own.scans)]
+        return [self._past[-number] for number in numbers if number <= len(self._past)]
+
+    def _beams(self, seen: SeenFrom) -> Beams:
+        if seen.beams is None:
+            settings = self._settings
+            seen.beams = deskew(
+                seen.scan, seen.twist, self._body_from_laser, settings.range_min_m, settings.range_max_m
+            )
+        return seen.beams
+
+    def _normals(self, seen: SeenFrom) -> FloatArray:
+        if seen.normals is None:
+            beams = self._beams(seen)
+            seen.normals = np.empty_like(beams.points_m)
+            surface_normals(beams.points_m, beams.spacing_rad, seen.normals)
+        return seen.normals
+
+
+def same_directions(first: Scan, second: Scan) -> bool:
+    """Whether the beams of two scans point the same ways in their laser's frame."""
+    one, other = first.bearings_rad, second.bearings_rad
+    return one.size == other.size and bool(one[0] == other[0]) and bool(one[-1] == other[-1])

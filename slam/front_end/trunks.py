@@ -1,0 +1,166 @@
+"""Runs of neighbouring beams on one surface, and the narrow ones among them: trunks and posts."""
+
+import math
+
+import numpy as np
+
+from drivers.measurements import FloatArray, IntArray
+from slam.compiled import kernel
+from slam.front_end.deskew import Beams
+from slam.settings.front_end import FrontEndSettings
+
+SET_BACK = math.pi / 4.0  # mean over a round face of its depth before the centre, in radii
+
+
+@kernel
+def _runs(
+    points_m: FloatArray, ranges_m: FloatArray, gap_m: float, gap_per_m: float, bridge: int, runs: IntArray
+) -> int:
+    count, last = 0, -1
+    for beam in range(ranges_m.shape[0]):
+        if math.isnan(ranges_m[beam]):
+            continue
+        joined = False
+        if last >= 0 and beam - last <= bridge + 1:
+            step_x, step_y = points_m[beam, 0] - points_m[last, 0], points_m[beam, 1] - points_m[last, 1]
+            limit = gap_m + gap_per_m * (beam - last) * min(ranges_m[beam], ranges_m[last])
+            joined = step_x * step_x + step_y * step_y <= limit * limit
+        if joined:
+            runs[count - 1, 1] = beam
+        else:
+            runs[count, 0] = runs[count, 1] = beam
+            count += 1
+        last = beam
+    return count
+
+
+def runs_of_beams(beams: Beams, settings: FrontEndSettings) -> IntArray:
+    """(s, 2) first and last beam of every run whose neighbours lie close to each other, in order of the beams."""
+    runs = np.empty((len(beams), 2), dtype=np.int64)
+    gap_per_m = settings.gap_beams * beams.spacing_rad
+    count = _runs(beams.points_m, beams.ranges_m, settings.gap_m, gap_per_m, settings.bridge_beams, runs)
+    return runs[:count]
+
+
+@kernel
+def clear_beside(ranges_m: FloatArray, beam: int, step: int, guard: int, farther_than_m: float) -> bool:
+    """True if the first return within `guard` beams beside `beam` lies behind; False at the end of the sweep.
+
+    Something nearer there hides where the surface really ends.
+    """
+    for offset in range(1, guard + 1):
+        other = beam + step * offset
+        if other < 0 or other >= ranges_m.shape[0]:
+            return offset > 1
+        if not math.isnan(ranges_m[other]):
+            return bool(ranges_m[other] > farther_than_m)
+    return True
+
+
+@kernel
+def _trunks(
+    ranges_m: FloatArray,
+    bearings_rad: FloatArray,
+    runs: IntArray,
+    spacing_rad: float,
+    sigma_m: float,
+    width_max_m: float,
+    prominence_m: float,
+    thin_prominence_m: float,
+    guard: int,
+    roughness: float,
+    trunks: FloatArray,
+) -> int:
+    count = 0
+    for run in range(runs.shape[0]):
+        first, last = runs[run, 0], runs[run, 1]
+        if last - first > 2 and (bearings_rad[last] - bearings_rad[first]) * ranges_m[first] > 2.0 * width_max_m:
+            continue
+        nearest = np.inf
+        for beam in range(first, last + 1):
+            if ranges_m[beam] < nearest:
+                nearest = ranges_m[beam]
+        # A beam that fell half beside the edge measures something behind it: not part of a round face.
+        face = nearest + 0.5 * nearest * (bearings_rad[last] - bearings_rad[first] + spacing_rad) + 3.0 * sigma_m
+        if first < last and not ranges_m[first] <= face:
+            first += 1
+        if last > first and not ranges_m[last] <= face:
+            last -= 1
+        if not (ranges_m[first] <= face and ranges_m[last] <= face):
+            continue
+        hits, total = 0, 0.0
+        for beam in range(first, last + 1):
+            if not math.isnan(ranges_m[beam]):
+                hits += 1
+                total += ranges_m[beam]
+        mean = total / hits
+        half_angle = 0.5 * (bearings_rad[last] - bearings_rad[first] + spacing_rad)
+        half_sine = math.sin(min(half_angle, 0.5 * math.pi))
+        if SET_BACK * half_sine > 0.8:
+            continue
+        distance = mean / (1.0 - SET_BACK * half_sine)
+        radius = distance * half_sine
+        if 2.0 * radius > width_max_m:
+            continue
+        behind = thin_prominence_m if hits <= 2 else prominence_m
+        if not (
+            clear_beside(ranges_m, runs[run, 0], -1, guard, ranges_m[first] + behind)
+            and clear_beside(ranges_m, runs[run, 1], 1, guard, ranges_m[last] + behind)
+        ):
+            continue
+        bearing = 0.5 * (bearings_rad[first] + bearings_rad[last])
+        rough = 0.0
+        for beam in range(first, last + 1):
+            if not math.isnan(ranges_m[beam]):
+                across = distance * math.sin(bearings_rad[beam] - bearing)
+                depth = math.sqrt(max(radius * radius - across * across, 0.0))
+                off = ranges_m[beam] - distance * math.cos(bearings_rad[beam] - bearing) + depth
+                rough += off * off
+        if hits >= 4 and math.sqrt(rough / hits) > roughness * radius + sigma_m:
+            continue
+        trunks[count, 0], trunks[count, 1], trunks[count, 2] = distance, bearing, radius
+        trunks[count, 3], trunks[count, 4], trunks[count, 5] = hits, first, last
+        count += 1
+    return count
+
+
+def trunks(beams: Beams, runs: IntArray, settings: FrontEndSettings) -> FloatArray:
+    """(t, 6) narrow runs with background behind both edges.
+
+    Columns: range m and bearing rad of the centre, radius m, number of returns, first and last beam.
+    """
+    found = np.empty((runs.shape[0], 6))
+    count = _trunks(
+        beams.ranges_m,
+        beams.bearings_rad,
+        runs,
+        beams.spacing_rad,
+        settings.sigma_range_m,
+        settings.width_max_m,
+        settings.prominence_m,
+        settings.thin_prominence_m,
+        settings.guard_beams,
+        settings.roughness,
+        found,
+    )
+    return found[:count]
+
+
+def trunk_variances(found: FloatArray, spacing_rad: float, settings: FrontEndSettings) -> FloatArray:
+    """(t, 2) variances of range m^2 and bearing rad^2 of centres, from the geometry of their beams.
+
+    Each edge lies anywhere within one beam spacing: the middle of both has variance 1/24 of its square, their distance
+    1/6. The centre is set back by pi/4 of half that distance; the mean depth of a round face varies by 0.22 radii from
+    beam to beam.
+    """
+    distance, radius, hits = found[:, 0], found[:, 2], found[:, 3]
+    set_back = SET_BACK * 0.5 * distance * spacing_rad
+    range_variance = settings.sigma_range_m**2 / hits + set_back**2 / 6.0 + (0.22 * radius / hits) ** 2
+    bearing_variance = np.full(len(found), spacing_rad**2 / 24.0)
+    return np.stack(
+        (
+            range_variance + settings.sigma_range_floor_m**2,
+            bearing_variance + settings.sigma_bearing_floor_rad**2,
+        ),
+        axis=-1,
+    )

@@ -1,0 +1,137 @@
+"""All landmarks of the joint Gaussian: those in its state, and those far away that hang on neighbours.
+
+Every landmark owns one row of the atlas as long as it lives. Memory grows with the map, the work of a step does not.
+"""
+
+import math
+
+import numpy as np
+
+from drivers.measurements import FloatArray, IntArray
+from slam.joint.window import ORPHAN, ancestors_first, settle
+
+PARENTS = 4
+FREE, AWAY = -2, -1
+FIRST_ROOM = 256
+ENLARGED_BY_ZEROS = (
+    "identities",
+    "log_odds",
+    "means",
+    "covariances",
+    "parent_means",
+    "weights",
+    "residuals",
+    "_carries",
+)
+
+
+class Atlas:
+    """Columns over rows (R,).
+
+    place: where in the state vector the landmark stands, AWAY outside it, FREE for an unused row.
+    means (R, 2), covariances (R, 2, 2): as they were when the landmark left the state.
+    parents (R, 4) rows it hangs on (ORPHAN: none), parent_means (R, 8) when it was written so, weights (R, 2, 8),
+    residuals (R, 2, 2).
+    """
+
+    def __init__(self, cell_m: float) -> None:
+        self._cell_m = cell_m
+        self._cells: dict[tuple[int, int], list[int]] = {}
+        self._cell_of: dict[int, tuple[int, int]] = {}
+        self._free: list[int] = []
+        self.identities = np.zeros(0, dtype=np.int64)
+        self.log_odds = np.zeros(0)
+        self.place = np.zeros(0, dtype=np.int64)
+        self.means = np.zeros((0, 2))
+        self.covariances = np.zeros((0, 2, 2))
+        self.parents = np.zeros((0, PARENTS), dtype=np.int64)
+        self.parent_means = np.zeros((0, 2 * PARENTS))
+        self.weights = np.zeros((0, 2, 2 * PARENTS))
+        self.residuals = np.zeros((0, 2, 2))
+        self._carries = np.zeros(0, dtype=np.bool_)
+        self._enlarge(FIRST_ROOM)
+
+    @property
+    def count(self) -> int:
+        """Landmarks in all."""
+        return len(self.place) - len(self._free)
+
+    def add(self, identity: int, log_odds: float, place: int) -> int:
+        """Row of a new landmark in the state."""
+        if not self._free:
+            self._enlarge(len(self.place))
+        row = self._free.pop()
+        self.identities[row], self.log_odds[row], self.place[row] = identity, log_odds, place
+        self.parents[row], self._carries[row] = ORPHAN, False
+        return row
+
+    def remove(self, row: int) -> None:
+        """Forget a landmark of the state; what hangs on it stands alone from then on."""
+        if self._carries[row]:
+            children = np.flatnonzero((self.parents == row).any(axis=1))
+            self.parents[children] = ORPHAN
+        self.place[row] = FREE
+        self._free.append(row)
+
+    def put_away(self, row: int) -> None:
+        """The landmark has left the state; its columns are filled in."""
+        self.place[row] = AWAY
+        self._carries[self.parents[row][self.parents[row] >= 0]] = True
+        x, y = self.means[row] / self._cell_m
+        self._sort_in(row, (math.floor(x), math.floor(y)))
+
+    def take_back(self, row: int, place: int) -> None:
+        """The landmark is in the state again."""
+        cell = self._cell_of.pop(row)
+        self._cells[cell].remove(row)
+        if not self._cells[cell]:
+            del self._cells[cell]
+        self.place[row] = place
+
+    def away_near(self, x_m: float, y_m: float, radius_m: float) -> list[int]:
+        """Rows outside the state in cells that touch a square around a point, in a fixed order."""
+        low_x, high_x = math.floor((x_m - radius_m) / self._cell_m), math.floor((x_m + radius_m) / self._cell_m)
+        low_y, high_y = math.floor((y_m - radius_m) / self._cell_m), math.floor((y_m + radius_m) / self._cell_m)
+        found: list[int] = []
+        for i in range(low_x, high_x + 1):
+            for j in range(low_y, high_y + 1):
+                found += self._cells.get((i, j), ())
+        return found
+
+    def with_ancestors(self, rows: list[int]) -> list[int]:
+        """Rows outside the state with all outside it that they hang on, every landmark after its parents."""
+        order: list[int] = ancestors_first(np.array(rows, dtype=np.int64), self.place == AWAY, self.parents).tolist()
+        return order
+
+    def settled_means(self, state_rows: IntArray, state_means_m: FloatArray) -> FloatArray:
+        """(R, 2) means of all rows as they follow from those in the state now; nothing is changed."""
+        return self._settled(state_rows, state_means_m)[0]
+
+    def sort_anew(self, state_rows: IntArray, state_means_m: FloatArray) -> None:
+        """After the map has moved: settle everything outside the state and sort it into cells by where it is now."""
+        self.means, self.parent_means = self._settled(state_rows, state_means_m)
+        rows = np.flatnonzero(self.place == AWAY)
+        self._cells, self._cell_of = {}, {}
+        cells = np.floor(self.means[rows] / self._cell_m).astype(np.int64)
+        for row, (i, j) in zip(rows.tolist(), cells.tolist(), strict=True):
+            self._sort_in(row, (i, j))
+
+    def _settled(self, state_rows: IntArray, state_means_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        means, parent_means = self.means.copy(), self.parent_means.copy()
+        means[state_rows] = state_means_m
+        known = self.place != AWAY
+        settle(np.flatnonzero(~known), known, means, self.parents, parent_means, self.weights)
+        return means, parent_means
+
+    def _sort_in(self, row: int, cell: tuple[int, int]) -> None:
+        self._cells.setdefault(cell, []).append(row)
+        self._cell_of[row] = cell
+
+    def _enlarge(self, by: int) -> None:
+        before = len(self.place)
+        for name in ENLARGED_BY_ZEROS:
+            column = getattr(self, name)
+            setattr(self, name, np.concatenate((column, np.zeros((by, *column.shape[1:]), dtype=column.dtype))))
+        self.place = np.concatenate((self.place, np.full(by, FREE, dtype=np.int64)))
+        self.parents = np.concatenate((self.parents, np.full((by, PARENTS), ORPHAN, dtype=np.int64)))
+        self._free += range(before + by - 1, before - 1, -1)

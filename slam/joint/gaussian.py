@@ -1,0 +1,239 @@
+"""One Gaussian over the pose and the landmarks, beside the particles: the published pose and a covariance that can be
+trusted.
+
+The particles' own covariance is hundreds of times too small, because resampling wipes out history.
+"""
+
+import math
+
+import numpy as np
+
+from drivers.measurements import BoolArray, FloatArray, IntArray
+from slam.estimate import LandmarkMap
+from slam.joint.association import PENDING, Gates, follow
+from slam.joint.atlas import AWAY
+from slam.joint.evidence import TRUSTED, Evidence, Standing, weigh
+from slam.joint.kernels import predict, update
+from slam.joint.measurement import FIRST_PLACE
+from slam.joint.neighbours import block, overdue, places_within
+from slam.joint.slip import associate_with_slip
+from slam.joint.state import JointState
+from slam.observations import Features, MatchVerdict
+from slam.pose import Pose2, wrap_rads
+from slam.settings.joint import JointSettings
+from slam.settings.slam import SlamSettings
+from slam.settings.tuning import Tuning
+from slam.visibility import NO_SIGHT, sensor_pose
+
+IDENTITIES_PER_SCAN = 4096  # as in the particles' maps, so that identities of both can be compared
+SMALLEST_VARIANCE = 1e-12  # m^2 and rad^2: keeps the published covariance positive where the map frame is defined
+SHIFTED_M = 1.0  # a jump of the pose after which far landmarks are sorted into cells anew
+
+
+class JointGaussian:
+    """Extended Kalman filter over pose and landmarks with the paper's landmark management."""
+
+    def __init__(self, settings: JointSettings, body_from_laser: Pose2, tuning: Tuning | None = None) -> None:
+        self._settings = settings
+        self._mount = body_from_laser.as_array()
+        self._tuning = SlamSettings().tuning() if tuning is None else tuning
+        self._invariant = settings.jacobians == "invariant"
+        self._first = settings.jacobians == "first_estimates"
+        self._reach_m = self._tuning.range_max_m + self._tuning.range_margin_m
+        self._state = JointState(settings, self._reach_m, self._tuning.cell_m)
+        self._jump = np.zeros(2)
+        self.scans = 0
+        self.refused = 0
+        self.evidence = Evidence()
+
+    @property
+    def map_from_body(self) -> Pose2:
+        """The pose at the last scan."""
+        return Pose2(*(float(value) for value in self._state.mean[:3]))
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(3, 3) over x, y, heading in the map frame: symmetric and positive definite."""
+        values, vectors = np.linalg.eigh(self._state.covariance[:3, :3])
+        covariance = (vectors * np.maximum(values, SMALLEST_VARIANCE)) @ vectors.T
+        return np.asarray(0.5 * (covariance + covariance.T))
+
+    @property
+    def odometry_constants(self) -> tuple[float, float, float]:
+        """What the wheels get wrong all along: share of distance, share of turn, rad per metre."""
+        scale, turn, curvature = (float(value) for value in self._state.mean[3:FIRST_PLACE])
+        return scale, turn, curvature
+
+    @property
+    def landmark_count(self) -> int:
+        """Landmarks in the map."""
+        return self._state.atlas.count
+
+    @property
+    def landmarks_in_state(self) -> int:
+        """Landmarks in the joint state: what a step costs depends on these."""
+        return self._state.count
+
+    def step(
+        self,
+        increment_mean: FloatArray,
+        increment_covariance: FloatArray,
+        features: Features,
+        hints: IntArray,
+        sight: FloatArray = NO_SIGHT,
+        standing: Standing = TRUSTED,
+    ) -> IntArray:
+        """One scan; increment (3,) and (3, 3) since the last one in the body frame of then.
+
+        hints (K,): identities or verdicts of the best particle, used where settings say so. sight: the scan itself as
+        slam.kernels takes it, for what should have been seen. Returns this filter's own identities or verdicts (K,).
+        A feature that is not finite or whose covariance is not positive definite is refused, counted, and OUT_OF_RANGE.
+        standing: what the scans before said about the pose; while it is lost, nothing is written into the map.
+        """
+        state = self._state
+        at_rest = not (increment_covariance.any() or increment_mean.any())
+        self._predict(increment_mean, increment_covariance)
+        state.bring_back()
+        usable = self._usable(features)
+        rows = _feature_rows(features, usable, at_rest or self._settings.creation == "any")
+        sensor = sensor_pose(state.mean, self._mount)
+        places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
+        chosen = self._associate(rows, features.identities[usable], hints[usable], places)
+        self.evidence = self._weigh(rows, chosen, places, sight, standing.settled_before)
+        matched = np.flatnonzero(chosen >= 0)
+        self._update(places[chosen[matched]], rows[matched])
+        verdicts = np.full(len(features), int(MatchVerdict.OUT_OF_RANGE), dtype=np.int64)
+        verdicts[usable] = chosen
+        verdicts[usable[matched]] = state.atlas.identities[state.rows_at(places[chosen[matched]])]
+        if not standing.lost:
+            self._existence(places, chosen[matched], sight)
+            self._create(rows, usable, chosen, features.identities, hints)
+        state.put_away()
+        self.scans += 1
+        return verdicts
+
+    def landmarks(self) -> LandmarkMap:
+        """All landmarks of the map; covariances of those far away are as they were when last near."""
+        state, atlas = self._state, self._state.atlas
+        means, covariances = state.settled_means(), atlas.covariances.copy()
+        places = FIRST_PLACE + 2 * np.arange(state.count)
+        for row in range(2):
+            for column in range(2):
+                covariances[state.rows, row, column] = state.covariance[places + row, places + column]
+        used = np.flatnonzero(atlas.place >= AWAY)
+        return LandmarkMap(atlas.identities[used], means[used], covariances[used], atlas.log_odds[used])
+
+    def state_bytes(self) -> bytes:
+        """What the next step depends on, for a hash: every change of the state shows in it."""
+        state = self._state
+        log_odds = state.atlas.log_odds[state.rows]
+        return state.mean[: state.size].tobytes() + state.covariance[:3, : state.size].tobytes() + log_odds.tobytes()
+
+    def _predict(self, mean: FloatArray, covariance: FloatArray) -> None:
+        if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
+            self.refused += 1
+            return
+        state = self._state
+        predict(state.mean, state.covariance, state.size, mean, covariance, float(self._jump[0]), float(self._jump[1]))
+
+    def _usable(self, features: Features) -> IntArray:
+        c = features.covariances
+        with np.errstate(invalid="ignore"):
+            determinants = c[:, 0, 0] * c[:, 1, 1] - c[:, 0, 1] * c[:, 1, 0]
+            sane = np.isfinite(features.ranges_m) & np.isfinite(features.bearings_rad) & np.isfinite(determinants)
+            sane &= (c[:, 0, 0] > 0.0) & (determinants > 0.0) & (features.ranges_m > 0.0)
+            usable = sane & (features.ranges_m <= self._tuning.range_max_m)
+        self.refused += int((~sane).sum())
+        return np.flatnonzero(usable)[:IDENTITIES_PER_SCAN]
+
+    def _associate(self, rows: FloatArray, identities: IntArray, hints: IntArray, places: IntArray) -> IntArray:
+        settings, state = self._settings, self._state
+        told = identities if (identities >= 0).any() else hints if settings.association == "particles" else None
+        if told is None:
+            gates = Gates(
+                settings.match_base_square,
+                settings.match_per_metre_square if self._tuning.density else 0.0,
+                settings.match_widest_square,
+                settings.create_square,
+            )
+            old = self._settled(places, self.scans - settings.settled_scans)
+            return associate_with_slip(
+                state.mean, state.covariance, state.size, self._mount, places, old, rows, gates, settings.slip_square
+            )
+        order = np.argsort(rows[:, 0], kind="stable")
+        mean, covariance = block(state.mean, state.covariance, places)
+        gate = settings.match_known_square if told is identities else settings.match_widest_square
+        theirs = state.atlas.identities[state.rows_at(places)]
+        chosen = np.full(len(rows), PENDING, dtype=np.int64)
+        follow(mean, covariance, self._mount, theirs, rows, order, told, gate, chosen)
+        return chosen
+
+    def _weigh(
+        self, rows: FloatArray, chosen: IntArray, places: IntArray, sight: FloatArray, settled_before: int
+    ) -> Evidence:
+        """What the scan says about the pose, by landmarks that were confirmed and made before this scan's number."""
+        state = self._state
+        settled = self._settled(places, settled_before)
+        return weigh(state.mean, state.covariance, self._mount, places, settled, rows, chosen, sight, self._tuning)
+
+    def _settled(self, places: IntArray, before: int) -> BoolArray:
+        """(k,) which landmarks were made before this scan's number and are likelier real than not."""
+        near, atlas = self._state.rows_at(places), self._state.atlas
+        settled: BoolArray = (atlas.identities[near] < before * IDENTITIES_PER_SCAN) & (atlas.log_odds[near] >= 0.0)
+        return settled
+
+    def _update(self, places: IntArray, rows: FloatArray) -> None:
+        if len(places) == 0:
+            self._jump[:] = 0.0
+            return
+        state = self._state
+        before = state.mean[:2].copy()
+        linearised_at = state.linearised_at if self._first else state.mean.copy()
+        linearised_at[:3] = state.mean[:3]
+        update(state.mean, state.covariance, linearised_at, state.size, self._mount, places, rows, self._invariant)
+        jump = state.mean[:2] - before
+        self._jump = jump if self._first else np.zeros(2)
+        if math.hypot(float(jump[0]), float(jump[1])) > SHIFTED_M:
+            state.sort_anew()
+
+    def _existence(self, places: IntArray, matched: IntArray, sight: FloatArray) -> None:
+        """Existence log-odds (6); removes what was missed too often, and what leaves the view unconfirmed."""
+        tuning, state, atlas = self._tuning, self._state, self._state.atlas
+        seen = np.zeros(len(places), dtype=np.bool_)
+        seen[matched] = True
+        near = state.rows_at(places)
+        log_odds = atlas.log_odds[near]
+        overdue(state.mean, places, seen, log_odds, self._mount, sight, tuning)
+        atlas.log_odds[near] = log_odds
+        if not tuning.existence:
+            return
+        bound = np.full(state.count, self._settings.confirmed_log_odds)
+        bound[(places - FIRST_PLACE) // 2] = tuning.log_odds_remove
+        for number in np.flatnonzero(atlas.log_odds[state.rows] < bound)[::-1].tolist():
+            state.remove(number)
+
+    def _create(
+        self, rows: FloatArray, usable: IntArray, chosen: IntArray, identities: IntArray, hints: IntArray
+    ) -> None:
+        for index in np.flatnonzero(chosen == int(MatchVerdict.NEW)).tolist():
+            feature = int(usable[index])
+            known = int(identities[feature])
+            if known < 0 and self._settings.association == "particles":
+                known = int(hints[feature])
+            identity = known if known >= 0 else self.scans * IDENTITIES_PER_SCAN + feature
+            self._state.create(identity, self._tuning.log_odds_new, self._mount, rows[index])
+
+
+def _feature_rows(features: Features, usable: IntArray, free: bool) -> FloatArray:
+    """(K, 6) range, bearing, rr, rb, bb, licence; free: every feature may create a landmark."""
+    c = features.covariances[usable]
+    return np.column_stack(
+        (
+            features.ranges_m[usable],
+            wrap_rads(features.bearings_rad[usable]),
+            c[:, 0, 0],
+            0.5 * (c[:, 0, 1] + c[:, 1, 0]),
+            c[:, 1, 1],
+            features.may_create[usable] | free,
+        )
+    )

@@ -1,0 +1,239 @@
+"""Dead reckoning between scans: one increment with an honest covariance, by the unscented transform.
+
+The increment is expressed in the body frame at the previous scan, so that it is the same for every particle.
+"""
+
+from collections import deque
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from drivers.measurements import FloatArray, SpeedSteering, SpeedYawRate, WheelSample
+from slam.odometry.motion import ARC, DIFFERENTIAL, RATES, SEGMENT_COLUMNS, STEERED, accumulate, arc
+from slam.odometry.wheel_segments import SAMPLE_KIND, Cursor, Segmenter, Segments
+from slam.pose import Pose2
+from slam.settings.odometry import OdometrySettings
+from slam.settings.sigma_points import UnscentedSettings, unscented_weights
+
+FARTHEST = 1e12  # counts or metres beyond which a total is garbage
+STEEPEST_RAD = 1.4
+LONG_QUEUE = 150  # samples; 3 s at 50 Hz
+SETTLED_NS = 1_000_000_000  # a scan is never handed over later than this
+MODELS = {"differential": DIFFERENTIAL, "steered": STEERED, "speed_yaw_rate": RATES, "pose": ARC}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Increment:
+    """Motion since the last scan in the body frame of then.
+
+    mean (3,): x m, y m, heading rad; covariance (3, 3); at_rest: the wheels say that nothing moved;
+    speed_mps, lateral_mps, yaw_rate_radps: mean velocities; known: False if wheels were silent for a part of it.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    at_rest: bool
+    known: bool
+    duration_s: float
+    speed_mps: float
+    lateral_mps: float
+    yaw_rate_radps: float
+
+    def as_pose(self) -> Pose2:
+        """before_from_after."""
+        return Pose2(float(self.mean[0]), float(self.mean[1]), float(self.mean[2]))
+
+
+@dataclass(slots=True, eq=False)
+class Travel:
+    """Sums over segments since the last stamp taken.
+
+    mean (3,), covariance (3, 3) by the unscented transform; tracks (1 + s, 3): the same motion without noise, nominal
+    and with each constant of the geometry off by one deviation; counts (2,) of either wheel, both directions added up.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    tracks: FloatArray
+    counts: FloatArray
+    moving_s: float = 0.0
+    forward_m: float = 0.0
+    lateral_m: float = 0.0
+    turn_rad: float = 0.0
+    known: bool = True
+    began: bool = False
+    moved: bool = False
+    late: tuple[float, float] = (0.0, 0.0)
+    rounded: bool = False
+
+    @classmethod
+    def none(cls, geometries: FloatArray) -> "Travel":
+        """Standing at the last stamp taken."""
+        return cls(np.zeros(3), np.zeros((3, 3)), np.zeros((len(geometries), 3)), np.zeros(2))
+
+    def copy(self) -> "Travel":
+        """The same, to be added to."""
+        return replace(
+            self,
+            mean=self.mean.copy(),
+            covariance=self.covariance.copy(),
+            tracks=self.tracks.copy(),
+            counts=self.counts.copy(),
+        )
+
+
+class Odometry:
+    """Takes wheel samples as they come and gives the motion up to any stamp, exact arcs and interpolation included."""
+
+    def __init__(self, settings: OdometrySettings, unscented: UnscentedSettings) -> None:
+        self._settings = settings
+        self._segmenter = Segmenter(settings)
+        self._weights = unscented_weights(5, unscented)
+        self._model = MODELS[settings.model]
+        self._kind = SAMPLE_KIND[settings.model]
+        self._geometries = _geometries(settings)
+        self._queue: deque[WheelSample] = deque()
+        self._cursor = Cursor()
+        self._newest_ns: int | None = None
+        self._taken_ns: int | None = None
+        self._travel = Travel.none(self._geometries)
+        self.odom_from_body = Pose2()
+        self.refused: dict[str, int] = {"wheel_stamps": 0, "wheel_values": 0, "wheel_kinds": 0, "wheel_jumps": 0}
+
+    def add(self, wheels: tuple[WheelSample, ...]) -> None:
+        """Queue new samples; those out of order, not plausible or of another kind are refused and counted."""
+        for sample in wheels:
+            if not isinstance(sample, self._kind):
+                self.refused["wheel_kinds"] += 1
+            elif not self._plausible(sample):
+                self.refused["wheel_values"] += 1
+            elif self._newest_ns is not None and sample.stamp_ns <= self._newest_ns:
+                self.refused["wheel_stamps"] += 1
+            else:
+                self._newest_ns = sample.stamp_ns
+                self._queue.append(sample)
+
+    def take_until(self, stamp_ns: int) -> Increment:
+        """The increment from the last stamp taken to this one, which becomes the last one taken."""
+        travel = self._travel
+        self._consume(travel, stamp_ns)
+        increment = self._increment(travel, stamp_ns)
+        self._travel = Travel.none(self._geometries)
+        self._taken_ns = stamp_ns
+        self.odom_from_body = self.odom_from_body @ Pose2(*(float(value) for value in travel.tracks[0]))
+        if travel.late != (0.0, 0.0):
+            self.odom_from_body = self.odom_from_body @ self._arc(*travel.late)
+        return increment
+
+    def predicted(self, stamp_ns: int) -> Increment:
+        """The increment from the last stamp taken to this one; another call may take or predict an earlier one."""
+        if len(self._queue) > LONG_QUEUE:  # no scan for seconds: what lies well behind need not be added up again
+            self._consume(self._travel, stamp_ns - SETTLED_NS)
+        segments, _, _ = self._segmenter.until(self._cursor, self._queue, stamp_ns)
+        travel = self._travel.copy()
+        self._add(travel, segments)
+        return self._increment(travel, stamp_ns)
+
+    def _consume(self, travel: "Travel", stamp_ns: int) -> None:
+        """Add the motion up to this stamp for good."""
+        segments, self._cursor, used = self._segmenter.until(self._cursor, self._queue, stamp_ns)
+        for _ in range(used):
+            self._queue.popleft()
+        self.refused["wheel_jumps"] += segments.jumps
+        self._add(travel, segments)
+
+    def _plausible(self, sample: WheelSample) -> bool:
+        """True for finite numbers that a vehicle can have."""
+        if not all(abs(getattr(sample, field.name)) < FARTHEST for field in fields(sample)[1:]):
+            return False
+        if isinstance(sample, SpeedSteering):
+            return abs(sample.speed_mps) <= self._settings.max_speed_mps and abs(sample.steering_rad) < STEEPEST_RAD
+        if isinstance(sample, SpeedYawRate):
+            limit = self._settings.max_yaw_rate_radps
+            return abs(sample.speed_mps) <= self._settings.max_speed_mps and abs(sample.yaw_rate_radps) <= limit
+        return True
+
+    def _add(self, travel: "Travel", segments: Segments) -> None:
+        """Carry the sums over some more segments."""
+        rows = segments.rows
+        distances, turns = self._moves(rows)
+        travel.known = travel.known and segments.known
+        travel.late = (travel.late[0] + segments.late[0], travel.late[1] + segments.late[1])
+        travel.counts += np.abs(rows[:, 1:3]).sum(axis=0) / max(self._segmenter.count_m, 1e-12)
+        travel.moved = travel.moved or bool(distances.any() or turns.any())
+        travel.began = travel.began or len(rows) > 0
+        if len(rows) > 0 and not travel.rounded and not self._rests(travel) and self._model == DIFFERENTIAL:
+            # both ends of the increment fall somewhere within a count
+            rows[0, 4:6] += self._segmenter.count_m**2 / 6.0
+            travel.rounded = True
+        accumulate(travel.mean, travel.covariance, travel.tracks, rows, self._model, self._geometries, self._weights)
+        travel.moving_s += float(rows[:, 0].sum())
+        travel.forward_m += float(distances.sum())
+        travel.lateral_m += float(rows[:, 3].sum())
+        travel.turn_rad += float(turns.sum())
+
+    def _arc(self, left_m: float, right_m: float) -> Pose2:
+        """Where the body is after both wheels have rolled that far evenly, from where it was."""
+        travel = Travel.none(self._geometries)
+        row = np.zeros((1, SEGMENT_COLUMNS))
+        row[0, :3] = (1.0, left_m, right_m)
+        accumulate(travel.mean, travel.covariance, travel.tracks, row, self._model, self._geometries, self._weights)
+        return Pose2(*(float(value) for value in travel.tracks[0]))
+
+    def _rests(self, travel: "Travel") -> bool:
+        """Whether the wheels say that nothing has moved."""
+        tolerance = self._settings.rest_tolerance_counts if self._model == DIFFERENTIAL else 0.0
+        still = float(travel.counts.max()) <= tolerance or not travel.moved
+        return travel.known and travel.began and still
+
+    def _increment(self, travel: "Travel", stamp_ns: int) -> Increment:
+        """The sums as an increment, with what constant errors of the geometry add."""
+        constant = travel.tracks[1:] - travel.tracks[0]
+        covariance = travel.covariance + constant.T @ constant
+        duration = (stamp_ns - self._taken_ns) * 1e-9 if self._taken_ns is not None else 0.0
+        per_second = 1.0 / travel.moving_s if travel.moving_s > 0.0 else 0.0
+        return Increment(
+            travel.mean.copy(),
+            0.5 * (covariance + covariance.T),
+            self._rests(travel),
+            travel.known,
+            duration,
+            travel.forward_m * per_second,
+            travel.lateral_m * per_second,
+            travel.turn_rad * per_second,
+        )
+
+    def _moves(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Distances m and turns rad of the segments, (n,) each."""
+        moves = [arc(self._model, self._geometries[0], row[0], row[1], row[2]) for row in rows]
+        pairs = np.array(moves).reshape(-1, 2)
+        return pairs[:, 0], pairs[:, 1]
+
+
+def _geometries(settings: OdometrySettings) -> FloatArray:
+    """(1 + s, 7) for slam.motion.accumulate: nominal, then one row per constant that is not known exactly."""
+    nominal = np.array(
+        (
+            settings.tread_m,
+            settings.wheel_base_m,
+            settings.speed_wheel_offset_m,
+            settings.steering_scale,
+            settings.steering_bias_rad,
+            1.0,
+            1.0,
+        )
+    )
+    if settings.model != "differential":
+        return nominal[np.newaxis]
+    uncertain = (
+        (0, settings.tread_uncertainty * settings.tread_m),
+        (5, settings.radius_uncertainty),
+        (6, settings.radius_uncertainty),
+    )
+    rows = [nominal]
+    for constant, deviation in uncertain:
+        if deviation > 0.0:
+            moved = nominal.copy()
+            moved[constant] += deviation
+            rows.append(moved)
+    return np.array(rows)

@@ -1,0 +1,263 @@
+"""Wheel samples cut into segments of constant motion that end exactly at the time asked for."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.measurements import FloatArray, OdometryPose, SpeedSteering, SpeedYawRate, WheelCounts, WheelSample
+from slam.odometry.motion import SEGMENT_COLUMNS
+from slam.pose import wrap_rad
+from slam.settings.odometry import OdometrySettings
+
+NANOSECOND_S = 1e-9
+LONGEST_S = 60.0  # after a minute without wheels the rover is lost, and more variance says nothing more
+SHORTEST_S = 0.02  # counts that arrive in a bunch are not a jump
+GAP_SHAPE = 0.2  # of the distance rolled in a gap: how far its end may lie off a single arc, one deviation
+SAMPLE_KIND = {
+    "differential": WheelCounts,
+    "steered": SpeedSteering,
+    "speed_yaw_rate": SpeedYawRate,
+    "pose": OdometryPose,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Cursor:
+    """How far the samples have been used.
+
+    now_ns: end of the last segment, None before the first. measured: the last sample, as the wheels gave it.
+    sample: the same moved on to now_ns if now lies between two samples, so that what an extrapolation got wrong is
+    made up for by the next one. rate: controls per second (counts and poses). lost: True while the wheels say that they
+    do not know.
+    """
+
+    now_ns: int | None = None
+    measured: WheelSample | None = None
+    sample: WheelSample | None = None
+    rate: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    lost: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """rows (n, 9) as slam.motion lays them out; known: False if a part of the time had no valid sample.
+
+    late: (left m, right m) of gaps that ended here but of which earlier segments carried on too little or too much.
+    A filter has seen better by itself meanwhile; only dead reckoning makes up for it.
+    """
+
+    rows: FloatArray
+    known: bool
+    jumps: int
+    late: tuple[float, float] = (0.0, 0.0)
+
+
+class Segmenter:
+    """Turns samples into segments; holds no state of its own, so that a prediction consumes nothing."""
+
+    def __init__(self, settings: OdometrySettings) -> None:
+        self._settings = settings
+        self._integrated = settings.model in ("differential", "pose")
+        turn = 2.0 * math.pi / settings.counts_per_rev
+        self._metres_per_count = (settings.wheel_radius_left_m * turn, settings.wheel_radius_right_m * turn)
+
+    @property
+    def count_m(self) -> float:
+        """Travel of one count, the larger of both wheels; 0 where nothing is counted."""
+        return max(self._metres_per_count) if self._settings.model == "differential" else 0.0
+
+    def until(self, cursor: Cursor, samples: Sequence[WheelSample], stamp_ns: int) -> tuple[Segments, Cursor, int]:
+        """Segments from cursor to stamp_ns, the cursor there, and how many samples lie behind it."""
+        rows: list[tuple[float, ...]] = []
+        late: list[tuple[float, float]] = []
+        known, jumps, used = True, 0, 0
+        if cursor.now_ns is None and (not samples or samples[0].stamp_ns > stamp_ns):
+            return Segments(np.empty((0, SEGMENT_COLUMNS)), False, 0), replace(cursor, now_ns=stamp_ns), 0
+        for sample in samples:
+            if sample.stamp_ns > stamp_ns:
+                break
+            used += 1
+            cursor, certain, jumped = self._to_sample(cursor, sample, rows, late)
+            known, jumps = known and certain, jumps + jumped
+        if cursor.now_ns is not None and cursor.now_ns < stamp_ns:
+            following = samples[used] if used < len(samples) else None
+            cursor, certain = self._past_samples(cursor, following, stamp_ns, rows)
+            known = known and certain
+        made_up = (sum(left for left, _ in late), sum(right for _, right in late))
+        return Segments(np.array(rows).reshape(-1, SEGMENT_COLUMNS), known, jumps, made_up), cursor, used
+
+    def _to_sample(
+        self, cursor: Cursor, sample: WheelSample, rows: list[tuple[float, ...]], late: list[tuple[float, float]]
+    ) -> tuple[Cursor, bool, int]:
+        """One segment that ends at a sample."""
+        if isinstance(sample, WheelCounts) and not sample.valid:
+            # what follows it decides whether the time up to it stays unknown
+            return replace(cursor, lost=True, now_ns=cursor.now_ns or sample.stamp_ns), cursor.now_ns is not None, 0
+        stamp_ns = sample.stamp_ns
+        fresh = Cursor(stamp_ns, sample, sample, cursor.rate)
+        if cursor.now_ns is None:
+            return fresh, True, 0
+        duration = (stamp_ns - cursor.now_ns) * NANOSECOND_S
+        if cursor.sample is None or cursor.measured is None:
+            rows.append(self._unknown(duration))
+            return fresh, False, 0
+        silence = (stamp_ns - cursor.measured.stamp_ns) * NANOSECOND_S
+        gap = silence if cursor.lost or silence > self._settings.gap_s else 0.0
+        if not self._integrated:
+            held = min(duration, max(0.0, self._settings.gap_s - silence + duration))
+            rows.append(self._held(cursor.sample, held))
+            rows.append(self._unknown(duration - held))
+            return fresh, duration - held <= 0.0, 0
+        whole = self._difference(cursor.measured, sample)
+        if max(abs(whole[0]), abs(whole[1])) > self._settings.max_speed_mps * max(silence, SHORTEST_S):
+            rows.append(self._unknown(duration))
+            return Cursor(stamp_ns, sample, sample), False, 1
+        rate = (whole[0] / silence, whole[1] / silence, whole[2] / silence)
+        if gap > 0.0 and isinstance(sample, WheelCounts) and sample.unbroken:
+            first, second, _ = self._difference(cursor.sample, sample)
+            uneven = (first - rate[0] * duration, second - rate[1] * duration)
+            rows.append(self._rest_of_gap(duration, silence, rate, uneven))
+            late.append(uneven)
+            return Cursor(stamp_ns, sample, sample, rate), True, 0
+        before = cursor.measured if cursor.lost else cursor.sample
+        rows.append(self._moved(duration, self._difference(before, sample), gap))
+        return Cursor(stamp_ns, sample, sample, rate), gap == 0.0, 0
+
+    def _past_samples(
+        self, cursor: Cursor, following: WheelSample | None, stamp_ns: int, rows: list[tuple[float, ...]]
+    ) -> tuple[Cursor, bool]:
+        """From the last sample on: interpolated towards the next one, else carried on for a short while."""
+        assert cursor.now_ns is not None
+        duration = (stamp_ns - cursor.now_ns) * NANOSECOND_S
+        settings = self._settings
+        if cursor.sample is None or cursor.measured is None:
+            rows.append(self._unknown(duration))
+            return replace(cursor, now_ns=stamp_ns), False
+        since = (cursor.now_ns - cursor.measured.stamp_ns) * NANOSECOND_S
+        if not self._integrated:
+            held = min(duration, max(0.0, settings.gap_s - since))
+            rows.append(self._held(cursor.sample, held))
+            rows.append(self._unknown(duration - held))
+            return replace(cursor, now_ns=stamp_ns), held == duration
+        if cursor.lost:
+            # it will hardly have stopped at once, nor go on for ever
+            carried = min(duration, max(0.0, settings.gap_s - since))
+            motion = (cursor.rate[0] * carried, cursor.rate[1] * carried, cursor.rate[2] * carried)
+            rows.append(self._moved(carried, motion, carried))
+            rows.append(self._unknown(duration - carried))
+            moved = self._moved_sample(cursor.sample, motion, stamp_ns)
+            return replace(cursor, now_ns=stamp_ns, sample=moved), False
+        if following is not None and self._bridges(cursor.measured, following):
+            fraction = (stamp_ns - cursor.now_ns) / (following.stamp_ns - cursor.now_ns)
+            motion = self._difference(cursor.sample, following)
+            motion = (motion[0] * fraction, motion[1] * fraction, motion[2] * fraction)
+            carried = duration
+        else:
+            carried = min(duration, max(0.0, settings.extrapolation_s - since))
+            motion = (cursor.rate[0] * carried, cursor.rate[1] * carried, cursor.rate[2] * carried)
+        rows.append(self._moved(carried, motion, 0.0))
+        rows.append(self._unknown(duration - carried))
+        moved = self._moved_sample(cursor.sample, motion, stamp_ns)
+        return replace(cursor, now_ns=stamp_ns, sample=moved), carried == duration
+
+    def _bridges(self, measured: WheelSample, following: WheelSample) -> bool:
+        """True where the motion up to the next sample is known well enough to be interpolated."""
+        if isinstance(following, WheelCounts) and not following.valid:
+            return False
+        return (following.stamp_ns - measured.stamp_ns) * NANOSECOND_S <= self._settings.gap_s
+
+    def _difference(self, before: WheelSample, after: WheelSample) -> tuple[float, float, float]:
+        """(left m, right m, 0) between counts; (distance m, turn rad, lateral m) of the arc between poses."""
+        if isinstance(before, WheelCounts) and isinstance(after, WheelCounts):
+            left, right = self._metres_per_count
+            return (after.left - before.left) * left, (after.right - before.right) * right, 0.0
+        assert isinstance(before, OdometryPose)
+        assert isinstance(after, OdometryPose)
+        turn = wrap_rad(after.heading_rad - before.heading_rad)
+        x, y = after.x_m - before.x_m, after.y_m - before.y_m
+        cosine, sine = math.cos(before.heading_rad), math.sin(before.heading_rad)
+        ahead, left = cosine * x + sine * y, -sine * x + cosine * y
+        half = 0.5 * turn
+        stretch = half / math.tan(half) if abs(half) > 1e-6 else 1.0
+        return stretch * ahead + half * left, turn, stretch * left - half * ahead
+
+    def _moved_sample(self, sample: WheelSample, motion: tuple[float, float, float], stamp_ns: int) -> WheelSample:
+        """The sample that a wheel would have given after `motion`."""
+        if isinstance(sample, WheelCounts):
+            left, right = self._metres_per_count
+            return WheelCounts(stamp_ns, sample.left + motion[0] / left, sample.right + motion[1] / right)
+        assert isinstance(sample, OdometryPose)
+        distance, turn, lateral = motion
+        along = math.sin(turn) / turn if abs(turn) > 1e-9 else 1.0
+        across = (1.0 - math.cos(turn)) / turn if abs(turn) > 1e-9 else 0.0
+        ahead, left = distance * along - lateral * across, distance * across + lateral * along
+        cosine, sine = math.cos(sample.heading_rad), math.sin(sample.heading_rad)
+        x, y = sample.x_m + cosine * ahead - sine * left, sample.y_m + sine * ahead + cosine * left
+        return OdometryPose(stamp_ns, x, y, sample.heading_rad + turn)
+
+    def _unknown(self, duration: float) -> tuple[float, ...]:
+        """Nothing is known of this time: no motion, and a variance that says so."""
+        blind = min(duration, LONGEST_S)
+        distance = (self._settings.gap_speed_mps * blind) ** 2
+        heading = (self._settings.gap_yaw_rate_radps * blind) ** 2
+        return (duration, 0.0, 0.0, 0.0, 0.0, 0.0, distance, distance, heading)
+
+    def _held(self, sample: WheelSample, duration: float) -> tuple[float, ...]:
+        """A speed held for a while; without any noise when the wheels stand still."""
+        settings = self._settings
+        assert isinstance(sample, SpeedSteering | SpeedYawRate)
+        speed, still = sample.speed_mps, sample.speed_mps == 0.0
+        if isinstance(sample, SpeedSteering):
+            second, deviation = sample.steering_rad, settings.steering_noise_rad
+        else:
+            second, deviation = sample.yaw_rate_radps, settings.yaw_rate_noise_radps
+            still = still and second == 0.0
+        if still or duration <= 0.0:
+            return (max(duration, 0.0), speed, second, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        # white noise of density variance * noise_time: shorter segments are noisier, their sum is not
+        density = settings.noise_time_s / max(duration, 0.25 * settings.noise_time_s)
+        first_variance = (settings.speed_noise_mps**2 + (settings.speed_noise_ratio * speed) ** 2) * density
+        sideways, heading = self._floors(abs(speed) * duration)
+        return (duration, speed, second, 0.0, first_variance, deviation**2 * density, 0.0, sideways, heading)
+
+    def _moved(self, duration: float, motion: tuple[float, float, float], gap: float) -> tuple[float, ...]:
+        """A measured displacement; gap: seconds of it in which the wheels were silent."""
+        settings = self._settings
+        first, second, lateral = motion
+        slip = settings.slip_m_per_sqrt_m**2
+        if settings.model == "differential":
+            variances, rolled = (slip * abs(first), slip * abs(second)), 0.5 * (abs(first) + abs(second))
+        else:
+            rolled = math.hypot(first, lateral)
+            variances = (slip * rolled, settings.heading_rad_per_sqrt_rad**2 * abs(second))
+        sideways, heading = self._floors(rolled)
+        blind = min(gap, LONGEST_S)
+        forward = (settings.gap_speed_mps * blind) ** 2
+        heading += (settings.gap_yaw_rate_radps * blind) ** 2
+        return (duration, first, second, lateral, *variances, forward, sideways + forward, heading)
+
+    def _rest_of_gap(
+        self, duration: float, silence: float, rate: tuple[float, float, float], uneven: tuple[float, float]
+    ) -> tuple[float, ...]:
+        """The last part of a gap over which the counters went on: its motion is known, its way only nearly.
+
+        silence: s of the whole gap, rate: its mean. uneven: (left m, right m) by which what was carried on in earlier
+        parts differs from driving at that rate; as much may really belong to this part.
+        """
+        settings = self._settings
+        row = list(self._moved(duration, (rate[0] * duration, rate[1] * duration, 0.0), 0.0))
+        shape = GAP_SHAPE * 0.5 * (abs(rate[0]) + abs(rate[1])) * silence
+        forward = min(0.5 * abs(uneven[0] + uneven[1]), settings.gap_speed_mps * duration)
+        turn = min(abs(uneven[1] - uneven[0]) / settings.tread_m, settings.gap_yaw_rate_radps * duration)
+        share = duration / silence
+        row[6] += (shape * share) ** 2 + forward**2
+        row[7] += (shape * share) ** 2
+        row[8] += turn**2
+        return tuple(row)
+
+    def _floors(self, rolled_m: float) -> tuple[float, float]:
+        """Variances sideways m^2 and of the heading rad^2 that grow with the distance rolled."""
+        settings = self._settings
+        return settings.lateral_m_per_sqrt_m**2 * rolled_m, settings.heading_rad_per_sqrt_m**2 * rolled_m

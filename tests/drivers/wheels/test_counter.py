@@ -1,0 +1,159 @@
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.settings.encoders import EncoderSettings
+from drivers.wheels.counter import WheelCounter
+from drivers.wheels.readings import Wheel, WheelReading
+
+SETTINGS = EncoderSettings()
+PERIOD_NS = SETTINGS.period_ns
+FASTEST = 203  # counts in 20 ms at 7 km/h
+LATEST = 3  # frames that another can overtake
+
+beats = st.lists(
+    st.tuples(
+        st.integers(-FASTEST, FASTEST),
+        st.sampled_from(["send"] * 6 + ["lose", "lose", "twice", "late1", "late2", "late3", "reset"]),
+    ),
+    min_size=1,
+    max_size=120,
+)
+
+
+def wire(
+    course: list[tuple[int, str]], modulus: int, start: int, with_alive: bool, with_boot: bool
+) -> list[tuple[int, WheelReading, int, int, int]]:
+    """Frames in the order of arrival: (stamp_ns, reading, true total, boot, beat)."""
+    count, total, alive, boot, last = start, 0, 0, 0, 0
+    slots: list[tuple[float, WheelReading, int, int, int]] = []
+    for beat, (advance, what) in enumerate(course):
+        speed_change = max(-30, min(30, advance - last))  # 14 m/s^2: more than tyres can do
+        last += speed_change
+        total += last
+        count += last
+        alive += 1
+        if what == "reset":
+            count, boot, alive = 0, boot + 1, 0
+        reading = WheelReading(
+            Wheel.LEFT,
+            count % modulus,
+            last / (PERIOD_NS * 1e-9),
+            alive=alive % 16 if with_alive else None,
+            boot_id=boot % 16 if with_boot else None,
+        )
+        place = beat + (float(what[-1]) + 0.5 if what.startswith("late") else 0.0)
+        if what != "lose":
+            slots.append((place, reading, total, boot, beat))
+        if what == "twice":
+            slots.append((place + 0.1, reading, total, boot, beat))
+    slots.sort(key=lambda slot: slot[0])
+    return [(round((place + 1) * PERIOD_NS), *rest) for place, *rest in slots]  # type: ignore[misc]
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    course=beats,
+    start=st.sampled_from([0, 100, 2**32 - 300, 2**32 - 1, 2**31]),
+    sign=st.sampled_from([1, -1]),
+)
+def test_any_loss_duplication_reordering_and_wrap_leaves_the_total_true(
+    course: list[tuple[int, str]], start: int, sign: int
+) -> None:
+    course = [(advance, "send" if what == "reset" else what) for advance, what in course]
+    frames = wire([(0, "send"), *course, *[(0, "send")] * 8], 2**32, start, True, True)
+    counter = WheelCounter(SETTINGS, sign, 2**32, 16)
+    for stamp_ns, reading, total, *_ in frames:
+        if counter.update(stamp_ns, reading) is None:
+            assert counter.total == sign * (total - frames[0][2])
+    assert counter.total == sign * (frames[-1][2] - frames[0][2])
+    assert counter.epoch == 0
+
+
+@settings(max_examples=300, deadline=None)
+@given(course=beats, start=st.sampled_from([5_000_000, 2**32 - 300]))
+def test_any_sequence_with_resets_misses_only_motion_over_a_reset(course: list[tuple[int, str]], start: int) -> None:
+    # a boot is known after a few frames; power does not come and go ten times a second
+    spaced: list[tuple[int, str]] = []
+    for advance, what in [(0, "send"), *course]:
+        spaced += [(advance, what)] + ([(advance, "send")] * 8 if what == "reset" else [])
+    frames = wire([*spaced, *[(0, "send")] * 8], 2**32, start, True, True)
+    counter = WheelCounter(SETTINGS, 1, 2**32, 16)
+    for stamp_ns, reading, *_ in frames:
+        counter.update(stamp_ns, reading)
+    least = most = 0
+    for boot in range(frames[-1][3] + 1):
+        heard = [arrival for arrival, frame in enumerate(frames) if frame[3] == boot]
+        following = [arrival for arrival, frame in enumerate(frames) if frame[3] == boot + 1]
+        # once two to five frames of the next boot are in, a late one of this boot comes too late
+        possible = []
+        for enough in range(1, 5):
+            in_time = [frames[at] for at in heard if not following or at < following[enough]]
+            possible.append(max(in_time, key=lambda frame: frame[4])[2] - in_time[0][2])
+        least, most = least + min(possible), most + max(possible)
+    assert least <= counter.total <= most
+
+
+@settings(max_examples=100, deadline=None)
+@given(course=beats, modulus=st.sampled_from([9000, 65536, 2**24]), start=st.integers(0, 2**24))
+def test_counters_without_alive_number_or_of_odd_width_unwrap_too(
+    course: list[tuple[int, str]], modulus: int, start: int
+) -> None:
+    plain = EncoderSettings(speed_tolerance_m=0.0)
+    course = [(advance, what if what in ("send", "twice", "lose") else "send") for advance, what in course]
+    frames = wire([(0, "send"), *course, (0, "send")], modulus, start, False, False)
+    counter = WheelCounter(plain, 1, modulus, 0)
+    for stamp_ns, reading, *_ in frames:
+        counter.update(stamp_ns, reading)
+    if counter.epoch == 0:  # a long silence of a narrow counter is rightly called unknown
+        assert counter.total == frames[-1][2] - frames[0][2]
+    else:
+        assert modulus == 9000
+
+
+def drive(counter: WheelCounter, start_ns: int, frames: int, period_ns: int, first: int = 0, step: int = 100) -> None:
+    for index in range(first, first + frames):
+        reading = WheelReading(Wheel.LEFT, float(step * index), step * 50.0, alive=index % 16, boot_id=1)
+        counter.update(start_ns + (index - first) * period_ns, reading)
+
+
+def test_a_queue_of_two_seconds_that_arrives_at_once_is_no_loss_and_no_second_sender() -> None:
+    counter = WheelCounter(SETTINGS, 1, 2**32, 16)
+    drive(counter, 0, 50, PERIOD_NS)
+    drive(counter, 150 * PERIOD_NS, 100, 20_000, first=50)
+    drive(counter, 151 * PERIOD_NS, 50, PERIOD_NS, first=150)
+    assert counter.total == 199 * 100
+    assert counter.counters["lost"] == 0
+    assert not counter.two_senders
+
+
+def test_whole_turns_of_the_alive_number_that_were_lost_are_counted_by_time() -> None:
+    counter = WheelCounter(SETTINGS, 1, 2**32, 16)
+    drive(counter, 0, 50, PERIOD_NS)
+    drive(counter, 90 * PERIOD_NS, 50, PERIOD_NS, first=90)
+    assert counter.total == 139 * 100
+    assert counter.counters["lost"] == 40
+
+
+def test_a_clock_that_runs_two_percent_fast_is_not_another_sender() -> None:
+    counter = WheelCounter(SETTINGS, 1, 2**32, 16)
+    drive(counter, 0, 3000, round(0.98 * PERIOD_NS))
+    assert counter.total == 2999 * 100
+    assert set(counter.counters) == {"lost"}
+
+
+def test_a_silence_in_which_a_narrow_counter_could_wrap_unseen_is_unknown_motion() -> None:
+    counter = WheelCounter(EncoderSettings(speed_tolerance_m=0.0), 1, 65536, 16)
+    drive(counter, 0, 10, PERIOD_NS)
+    drive(counter, 300 * PERIOD_NS, 10, PERIOD_NS, first=300)
+    assert counter.counters["ambiguous"] == 1
+    assert counter.total == 18 * 100
+
+
+def test_a_node_without_boot_id_that_starts_again_at_zero_after_a_silence_adds_nothing() -> None:
+    counter = WheelCounter(EncoderSettings(speed_tolerance_m=0.0), 1, 2**32, 0)
+    for index in range(50):
+        counter.update(index * PERIOD_NS, WheelReading(Wheel.LEFT, 10_000.0 + 50 * index))
+    for index in range(5):
+        counter.update((550 + index) * PERIOD_NS, WheelReading(Wheel.LEFT, 50.0 * index))
+    assert counter.counters["power_cycle"] == 1
+    assert counter.total == 49 * 50 + 4 * 50

@@ -1,0 +1,100 @@
+"""The drawing process gets every record, and its death or deafness costs only the picture."""
+
+import io
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime.live.drawing_process import ReviewProcess
+from runtime.messages.pipe import read_frames, write_frame
+from runtime.messages.tick import Record
+from runtime.settings.review import ReviewSettings
+from runtime.source_tree import ROOT
+from runtime.tick import SinkHealth
+from tests.support.runtime.drawn_drive import MOUNT, drive
+from tests.support.zenoh.wire import until
+
+records_strategy = st.lists(st.builds(Record, st.text(max_size=20), st.integers(-(2**63), 2**63 - 1), st.binary()))
+
+
+@given(records_strategy, st.integers(0, 10))
+def test_frames_come_back_and_a_cut_one_is_left_out(records: list[Record], cut: int) -> None:
+    stream = io.BytesIO()
+    for record in records:
+        write_frame(stream, record)
+    whole = stream.getvalue()
+    assert list(read_frames(io.BytesIO(whole))) == records
+    if records and cut:
+        assert list(read_frames(io.BytesIO(whole[:-1]))) == records[:-1]
+
+
+def test_a_run_is_drawn_in_another_process_as_it_would_be_here(tmp_path: Path) -> None:
+    from runtime.review.writer import ReviewWriter
+
+    records = [record for tick in drive(30) for record in tick]
+    (tmp_path / "here").mkdir()
+    (tmp_path / "there").mkdir()
+    process = ReviewProcess(tmp_path / "there" / "review.rrd", ReviewSettings(), MOUNT)
+    writer = ReviewWriter(tmp_path / "here" / "review.rrd", ReviewSettings(), MOUNT)
+    for record in records:
+        process.feed(record)
+        writer.feed(record)
+    assert until(lambda: (tmp_path / "there" / "review.rrd").exists(), 60.0), "a busy machine takes its time"
+    process.close()
+    writer.close()
+    here, there = ((tmp_path / where / "review.rrd").stat().st_size for where in ("here", "there"))
+    assert abs(here - there) < 0.02 * here
+    assert (process.health().dropped, process.health().trouble) == (0, "")
+
+
+def test_topics_that_are_not_drawn_are_not_sent(tmp_path: Path) -> None:
+    process = ReviewProcess(tmp_path / "review.rrd", ReviewSettings())
+    os.kill(process.pid, signal.SIGSTOP)
+    for _ in range(500):
+        process.feed(Record("/raw/can", 0, b"x" * 10_000))
+    assert process.health().depth == 0
+    os.kill(process.pid, signal.SIGCONT)
+    process.close()
+
+
+def test_a_dead_child_is_a_state_with_its_reason(tmp_path: Path) -> None:
+    process = ReviewProcess(tmp_path / "no such folder" / "review.rrd", ReviewSettings())
+
+    def fed() -> bool:
+        process.feed(Record("/gap", 0, bytes(100)))
+        return process.health().trouble != ""
+
+    assert until(fed)
+    assert "cannot be written" in process.health().trouble
+    dropped = process.health().dropped
+    assert dropped >= 1
+    process.feed(Record("/tick", 0, b""))
+    assert process.health() == SinkHealth(0, dropped + 1, process.health().trouble)
+    process.close()
+
+
+def test_a_deaf_child_costs_records_and_neither_feed_nor_close(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("runtime.live.drawing_process.WRITE_S", 0.2)
+    monkeypatch.setattr("runtime.live.drawing_process.DRAW_S", 0.2)
+    process = ReviewProcess(tmp_path / "review.rrd", ReviewSettings(queue=100))
+    os.kill(process.pid, signal.SIGSTOP)
+    began_s = time.monotonic()
+    for _ in range(400):
+        process.feed(Record("/scan", 0, bytes(4000)))
+    assert time.monotonic() - began_s < 0.5
+    assert process.health().dropped > 200
+    process.close()
+    assert time.monotonic() - began_s < 3.0
+    assert "not finished" in process.health().trouble
+
+
+def test_the_loops_process_never_imports_rerun() -> None:
+    code = "import sys, runtime.review_process, runtime.view; assert 'rerun' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

@@ -1,0 +1,184 @@
+"""A command reaches a rover only where it is on and a rule allows it, and it stands in the record."""
+
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from drivers.measurements import Event
+from runtime.commands import LONGEST_REASON, MOST_WAITING, Command, CommandDesk, asked
+from runtime.errors import ConfigurationError, SensorError
+from runtime.health import HealthMonitor
+from runtime.live.clock import MonotonicClock
+from runtime.live.loop import Loop
+from runtime.publish.commands import send_command
+from runtime.publish.publisher import ZenohPublisher
+from runtime.publish.session import rover_config, tool_config
+from runtime.record.folder import RunFolder
+from runtime.record.manifest import Manifest
+from runtime.record.reader import RunReader
+from runtime.record.recorder import STOPPED, Recorder
+from runtime.settings.configuration import load_configuration_text
+from slam.settings.slam import SlamSettings
+from tests.runtime.live.test_loop import StillSensors
+from tests.support.runtime.small_estimator import SmallEstimator
+from tests.support.zenoh.fleet import Fleet, routing, running_fleet
+from tests.support.zenoh.wire import free_port, publishing, settings_on, until
+
+REFUSED_S = 0.7  # how long a test waits for an answer that must not come
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    with running_fleet(tmp_path_factory.mktemp("ca")) as fleet:
+        yield fleet
+
+
+def command(fleet: Fleet, name: str, asked: Command, reason: str = "seen", rover: str = "rover1") -> bool:
+    """Whether the rover accepted what someone with the certificate of this name asked."""
+    try:
+        return send_command(fleet.endpoint, rover, asked, reason, str(fleet.tool_file(name)), REFUSED_S).accepted
+    except SensorError:
+        return False
+
+
+def test_an_operator_commands_and_a_viewer_and_another_rover_do_not(fleet: Fleet) -> None:
+    with publishing(fleet.rover_settings("rover1", commands=True), "rover1") as publisher:
+        assert until(lambda: command(fleet, "operator", Command.MARK))
+        assert publisher.drain_events()
+        for name in ("viewer", "rover1", "rover2"):
+            assert not command(fleet, name, Command.STOP), name
+        assert publisher.drain_events() == ()
+
+
+def test_commands_are_off_unless_the_configuration_says_so(fleet: Fleet) -> None:
+    settings = fleet.rover_settings("rover1")
+    with publishing(settings, "rover1", configuration_text="x") as publisher, fleet.client("viewer") as viewer:
+        assert until(lambda: any(reply.ok for reply in viewer.get("infant/rover1/configuration", timeout=1.0)))
+        assert not command(fleet, "operator", Command.MARK)
+        assert publisher.drain_events() == ()
+
+
+def test_a_router_that_shows_another_rovers_certificate_commands_nothing(fleet: Fleet) -> None:
+    impostor = Fleet(fleet.certificates, f"tls/127.0.0.1:{free_port()}")
+    with (
+        routing(impostor, "rover2"),
+        publishing(impostor.rover_settings("rover1", commands=True), "rover1") as publisher,
+    ):
+        assert publisher._opened.wait(10.0)
+        assert not command(impostor, "operator", Command.STOP)
+        assert publisher.drain_events() == ()
+
+
+def test_a_question_with_wildcards_is_no_command(tmp_path: Path) -> None:
+    file = tmp_path / "loopback.json5"
+    rule = '{id: "all", permission: "allow", flows: ["ingress"], key_exprs: ["**"], messages: ["query"]}'
+    file.write_text(
+        f'{{access_control: {{enabled: true, default_permission: "allow", rules: [{rule}], '
+        'subjects: [{id: "here", interfaces: ["lo"]}], policies: [{rules: ["all"], subjects: ["here"]}]}}'
+    )
+    port = free_port()
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with publishing(settings_on(port, commands=True, config_file=str(file))) as publisher:
+        assert publisher.opened(10.0)
+        with zenoh.open(tool_config(endpoint)) as session:
+            for key in ("infant/**", "infant/r1/command/*", "**"):
+                answers = [reply.ok.payload.to_bytes() for reply in session.get(key, payload=b"x") if reply.ok]
+                assert not [answer for answer in answers if b"accepted" in answer]
+        assert publisher.drain_events() == ()
+        assert send_command(endpoint, "r1", Command.SAVE, "").accepted
+        assert [asked(event) for event in publisher.drain_events()] == [Command.SAVE]
+
+
+def test_commands_without_access_rules_stop_the_start(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"publish = .*expected config_file to name .* access_control"):
+        load_configuration_text("[publish]\ncommands = true\n")
+    plain = tmp_path / "plain.json5"
+    plain.write_text('{mode: "peer"}')
+    with pytest.raises(ConfigurationError, match=r"publish.commands = True: expected access_control.enabled: true"):
+        rover_config(settings_on(0, commands=True, config_file=str(plain)), ())
+
+
+def test_a_reason_that_says_nothing_or_too_much_is_refused() -> None:
+    desk = CommandDesk(lambda: 5)
+    assert "got 0" in desk.take(Command.MARK, b"  ")
+    assert f"got {LONGEST_REASON + 1}" in desk.take(Command.SAVE, b"x" * (LONGEST_REASON + 1))
+    assert desk.take(Command.SAVE, b"\xff broken UTF-8") == ""
+    for _ in range(MOST_WAITING - 1):
+        assert desk.take(Command.SAVE, b"") == ""
+    assert "wait" in desk.take(Command.SAVE, b"")
+    assert len(desk.drain_events()) == MOST_WAITING
+    assert desk.take(Command.STOP, b"enough") == ""
+    assert "stopped" in desk.take(Command.MARK, b"too late")
+    assert [(event.kind, event.reason, event.stamp_ns) for event in desk.drain_events()] == [("stop", "enough", 5)]
+
+
+def test_events_of_others_are_no_commands() -> None:
+    assert asked(Event(0, "laser", "stop", "")) is None
+    assert asked(Event(0, "command", "dance", "")) is None
+    assert asked(Event(0, "command", "stop", "")) is Command.STOP
+
+
+def test_each_command_over_the_wire_is_obeyed_and_stands_in_the_record(fleet: Fleet, tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path / "run", tmp_path)
+    recorder = Recorder(folder, "", {})
+    publisher = ZenohPublisher(fleet.rover_settings("rover1", commands=True), "rover1")
+    sensors, clock, stop = StillSensors(), MonotonicClock(), threading.Event()
+    sinks = {"record": recorder, "publish": publisher}
+    loop = Loop(
+        clock,
+        sensors,
+        sensors,
+        SmallEstimator(SlamSettings(), 1),
+        sinks,  # type: ignore[arg-type]
+        HealthMonitor(),
+        20_000_000,
+        lambda stamp_ns: None,
+        lambda *watched: None,
+        publisher.drain_events,
+    )
+    driving = threading.Thread(target=loop.run, args=(clock.now_ns(), stop, 60_000_000_000))
+    driving.start()
+    try:
+        assert until(lambda: command(fleet, "operator", Command.MARK, "people on the path"), 20.0)
+        assert until(lambda: any(line["kind"] == "mark" for line in Manifest.load(folder.manifest_path).lines))
+        assert command(fleet, "operator", Command.SAVE)
+        assert until(lambda: folder.closed_path(1).exists())
+        assert command(fleet, "operator", Command.STOP, "enough")
+        assert until(lambda: STOPPED in recorder.health().trouble)
+        beats = loop.timekeeping.ticks
+        assert until(lambda: loop.timekeeping.ticks > beats + 3), "the rover drives on"
+    finally:
+        stop.set()
+        driving.join()
+        publisher.close()
+        recorder.close()
+    ticks = list(RunReader(folder.path).ticks())
+    recorded = [event for tick in ticks for event in tick.tick.events if event.source == "command"]
+    told = [(event.kind, event.reason) for event in recorded]
+    assert told == [("mark", "people on the path"), ("save", "seen"), ("stop", "enough")]
+    assert ticks[-1].tick.events[-1].kind == "stop", "the last tick of the record is the one that says so"
+    marks = [line for line in Manifest.load(folder.manifest_path).lines if line["kind"] == "mark"]
+    assert [mark["reason"] for mark in marks] == ["people on the path"]
+
+
+def test_save_keeps_the_map(tmp_path: Path) -> None:
+    import numpy as np
+
+    from runtime.tick import Tick
+    from tests.support.runtime.recorded_values import make_estimate, make_timing
+
+    folder = RunFolder.create(tmp_path / "run", tmp_path)
+    recorder = Recorder(folder, "", {})
+    estimate = make_estimate(1_000, np.random.default_rng(1))
+    tick = Tick(3, 1_000, None, (), (Event(900, "command", "save", "at the gate"),))
+    recorder.put(tick, estimate, make_timing(3), bytes(16), None)
+    assert until(folder.map_path.exists)
+    recorder.close()
+    assert estimate.landmarks is not None
+    kept = json.loads(folder.map_path.read_text())
+    assert kept["identities"] == estimate.landmarks.identities.tolist()
+    assert kept["stamp_ns"] == 1_000

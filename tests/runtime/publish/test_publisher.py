@@ -1,0 +1,291 @@
+"""The pose reaches other processes, and nothing that the network does reaches the loop."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import zenoh
+
+from runtime.errors import ConfigurationError
+from runtime.health import Health, RunState
+from runtime.publish.publisher import ZenohPublisher
+from runtime.publish.ros2_keys import read_attachment
+from runtime.publish.session import next_port, rover_config, tool_config
+from runtime.publish.topics import Pace
+from runtime.settings.publish import PublishSettings
+from runtime.source_tree import ROOT
+from runtime.tick import SinkHealth
+from slam.estimate import Quality
+from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
+from tests.support.runtime.ros_types import (
+    FirstMarker,
+    LaserScan,
+    Odometry,
+    PoseWithCovarianceStamped,
+    TransformMessage,
+    read,
+)
+from tests.support.zenoh.wire import WALL_OFFSET_NS, free_port, listening, publishing, put_ticks, settings_on, until
+
+TICK_NS = 100_000_000
+
+BLOCKED_S = 0.5  # a put that waits for the network takes 1 s and more; a busy machine takes some milliseconds
+
+
+def test_a_subscriber_in_another_process_receives_the_pose_ten_times_a_second() -> None:
+    port = free_port()
+    with publishing(settings_on(port)) as publisher, listening(f"tcp/127.0.0.1:{port}", "infant/r1/pose") as listener:
+        put_ticks(publisher, range(5), 0.02)  # until the subscription has arrived
+        assert until(lambda: len(listener.messages) > 0)
+        put_ticks(publisher, range(100, 120), 0.1)
+        assert until(lambda: read_attachment(bytes.fromhex(listener.messages[-1]["attachment"]))[1] == stamp_of(119))
+        messages = listener.messages[-20:]
+    sequence = [read_attachment(bytes.fromhex(message["attachment"]))[0] for message in messages]
+    assert sequence == list(range(sequence[0], sequence[0] + 20)), "a pose was lost or doubled"
+    seconds = (messages[-1]["arrived_ns"] - messages[0]["arrived_ns"]) * 1e-9
+    assert 19 / seconds == pytest.approx(10.0, rel=0.05)
+    assert messages[0]["encoding"] == "application/cdr;geometry_msgs/msg/PoseWithCovarianceStamped"
+
+
+def stamp_of(seq: int) -> int:
+    return seq * TICK_NS + WALL_OFFSET_NS
+
+
+def test_a_reader_nobody_here_wrote_reads_every_message() -> None:
+    port, rng = free_port(), np.random.default_rng(3)
+    tick, estimate = make_tick(7, rng), make_estimate(7 * TICK_NS, rng)
+    wanted = {"infant/r1/pose", "infant/r1/odom"}
+    with publishing(settings_on(port)) as publisher, listening(f"tcp/127.0.0.1:{port}", "infant/**") as listener:
+        for _ in range(200):
+            publisher.put(tick, estimate, make_timing(7), bytes(16), None)
+            if until(lambda: {message["key"] for message in listener.messages} >= wanted, 0.05):
+                break
+    pose = read(PoseWithCovarianceStamped, listener.payloads("infant/r1/pose")[0])
+    assert (pose.pose.pose.position.x, pose.pose.pose.position.y) == (
+        estimate.map_from_body.x_m,
+        estimate.map_from_body.y_m,
+    )
+    assert pose.header.frame_id == "map"
+    assert pose.header.stamp.sec * 10**9 + pose.header.stamp.nanosec == stamp_of(7)
+    assert pose.pose.covariance[35] == estimate.covariance[2, 2]
+    odometry = read(Odometry, listener.payloads("infant/r1/odom")[0])
+    assert odometry.pose.pose.position.x == estimate.odom_from_body.x_m
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+
+
+def test_scan_and_landmarks_are_thinned_and_keep_their_geometry() -> None:
+    from runtime.publish.messages import landmark_bytes, scan_bytes
+
+    rng = np.random.default_rng(3)
+    scan, landmarks = make_tick(7, rng).scan, make_estimate(0, rng).landmarks
+    assert scan is not None
+    assert landmarks is not None
+    thin = read(LaserScan, scan_bytes(scan, 5, 3))  # type: ignore[arg-type]
+    assert len(thin.ranges) == 361
+    bearings_rad = thin.angle_min + thin.angle_increment * np.arange(361)
+    np.testing.assert_allclose(bearings_rad, scan.bearings_rad[::3], atol=1e-5)
+    np.testing.assert_array_equal(np.array(thin.ranges, np.float32), scan.ranges_m[::3])
+    array = read(FirstMarker, landmark_bytes(landmarks, 5))
+    assert array.count == 1
+    assert [(point.x, point.y) for point in array.marker.points] == [tuple(mean) for mean in landmarks.means_m]
+
+
+def test_ros2_sees_pose_odometry_and_tf_under_the_right_type_hash() -> None:
+    port = free_port()
+    settings = settings_on(port, ros2=True)
+    with publishing(settings, "rover-1") as publisher, listening(f"tcp/127.0.0.1:{port}", "0/**") as listener:
+        for seq in range(200):
+            put_ticks(publisher, range(seq, seq + 1), 0.0)
+            if until(lambda: len({message["key"] for message in listener.messages}) >= 3, 0.05):
+                break
+        with zenoh.open(tool_config(f"tcp/127.0.0.1:{port}")) as session:
+            tokens: list[str] = []
+
+            def alive() -> bool:
+                tokens[:] = [str(r.ok.key_expr) for r in session.liveliness().get("@ros2_lv/**", timeout=1.0) if r.ok]
+                return len(tokens) >= 4
+
+            assert until(alive), tokens
+    keys = {message["key"]: message for message in listener.messages}
+    pose_key = (
+        "0/rover_1/pose/geometry_msgs::msg::dds_::PoseWithCovarianceStamped_/"
+        "RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e"
+    )
+    tf_key = (
+        "0/tf/tf2_msgs::msg::dds_::TFMessage_/RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
+    )
+    assert pose_key in keys
+    assert len(bytes.fromhex(keys[pose_key]["attachment"])) == 33
+    transforms = read(TransformMessage, bytes.fromhex(keys[tf_key]["payload"])).transforms
+    assert [(each.header.frame_id, each.child_frame_id) for each in transforms] == [
+        ("map", "odom"),
+        ("odom", "base_link"),
+    ]
+    assert any("/MP/" in token and "%rover_1%pose" in token and token.endswith("::,10:,:,:,,") for token in tokens)
+
+
+def test_a_ros2_node_that_knows_only_its_router_hears_the_rover() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    router = start_router(endpoint)
+    try:
+        config = rover_config(settings_on(free_port(), connect=(endpoint,), ros2=True), ("tcp/127.0.0.1:0",))
+        with (
+            publishing(settings_on(free_port(), connect=(endpoint,), ros2=True)) as publisher,
+            zenoh.open(config) as node,
+        ):
+            subscriber = node.declare_subscriber("0/r1/pose/**", zenoh.handlers.FifoChannel(100))
+            assert until(lambda: bool(put_ticks(publisher, range(1), 0.0)) and subscriber.try_recv() is not None)
+    finally:
+        stop_router(router)
+
+
+def test_map_to_odom_times_odom_to_body_is_the_pose() -> None:
+    from runtime.publish.messages import transform_bytes
+    from slam.pose import Pose2
+
+    estimate = make_estimate(0, np.random.default_rng(8))
+    poses = []
+    for each in read(TransformMessage, transform_bytes(estimate, 0)).transforms:
+        heading_rad = 2.0 * np.arctan2(each.rotation.z, each.rotation.w)
+        poses.append(Pose2(each.translation.x, each.translation.y, heading_rad))
+    np.testing.assert_allclose((poses[0] @ poses[1]).as_array(), estimate.map_from_body.as_array(), atol=1e-12)
+
+
+def test_queries_answer_with_the_last_pose_map_status_and_configuration() -> None:
+    port = free_port()
+    with publishing(settings_on(port), configuration_text='rover = "r1"\n') as publisher:
+        assert publisher.opened(5.0)
+        publisher.note_health(Health(0, RunState.DEGRADED, ("laser stale",), {}, {"x": SinkHealth(1, 2)}, Quality.LOST))
+        put_ticks(publisher, range(3), 0.0)
+        answers: dict[str, bytes] = {}
+        with zenoh.open(tool_config(f"tcp/127.0.0.1:{port}")) as session:
+
+            def complete() -> bool:
+                for reply in session.get("infant/r1/*", timeout=1.0):
+                    if reply.ok is not None:
+                        answers[str(reply.ok.key_expr)] = reply.ok.payload.to_bytes()
+                return len(answers) == 4
+
+            assert until(complete), sorted(answers)
+            alive = [str(reply.ok.key_expr) for reply in session.liveliness().get("infant/*/alive") if reply.ok]
+    assert alive == ["infant/r1/alive"]
+    assert answers["infant/r1/configuration"] == b'rover = "r1"\n'
+    assert json.loads(answers["infant/r1/map"])["identities"] == [4096, 8193]
+    status = json.loads(answers["infant/r1/status"])
+    assert (status["state"], status["reasons"]) == ("degraded", ["laser stale"])
+    assert read(PoseWithCovarianceStamped, answers["infant/r1/pose"]).header.frame_id == "map"
+
+
+def test_a_taken_port_moves_the_second_rover_to_the_next() -> None:
+    port = free_port()
+    with publishing(settings_on(port), "r1") as first:
+        assert first.opened(5.0) == (f"tcp/127.0.0.1:{port}",)
+        with publishing(settings_on(port), "r2") as second:
+            moved = second.opened(5.0)
+            assert moved
+            assert moved != (f"tcp/127.0.0.1:{port}",)
+            assert second.health().trouble == ""
+
+
+@pytest.mark.bench
+def test_put_costs_the_loop_microseconds_while_a_subscriber_listens() -> None:
+    port = free_port()
+    with publishing(settings_on(port)) as publisher, listening(f"tcp/127.0.0.1:{port}", "infant/**"):
+        costs_s = put_ticks(publisher, range(100), 0.005)
+    assert np.percentile(costs_s, 50) < 50e-6
+
+
+def test_a_stalled_subscriber_blocks_neither_put_nor_close() -> None:
+    port = free_port()
+    with publishing(settings_on(port)) as publisher, listening(f"tcp/127.0.0.1:{port}", "infant/**") as listener:
+        assert until(lambda: bool(put_ticks(publisher, range(1), 0.0)) and len(listener.messages) > 0)
+        os.kill(listener.process.pid, signal.SIGSTOP)
+        costs_s = put_ticks(publisher, range(400), 0.002)
+        assert max(costs_s) < BLOCKED_S
+        began_s = time.monotonic()
+        publisher.close()
+        assert time.monotonic() - began_s < 4.0
+
+
+def start_router(endpoint: str) -> "subprocess.Popen[str]":
+    router = subprocess.Popen(
+        [sys.executable, "-m", "tests.support.zenoh.router", endpoint], cwd=ROOT, stdout=subprocess.PIPE, text=True
+    )
+    assert router.stdout is not None
+    assert router.stdout.readline() == "ready\n"
+    return router
+
+
+def stop_router(router: "subprocess.Popen[str]") -> None:
+    router.kill()
+    router.wait()
+    assert router.stdout is not None
+    router.stdout.close()
+
+
+def test_a_killed_router_costs_put_nothing_and_is_found_again_within_two_seconds() -> None:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    router = start_router(endpoint)
+    try:
+        settings = settings_on(free_port(), connect=(endpoint,))
+        with publishing(settings) as publisher, listening(endpoint, "infant/**") as listener:
+            assert until(lambda: bool(put_ticks(publisher, range(1), 0.0)) and len(listener.messages) > 0)
+            stop_router(router)
+            costs_s = put_ticks(publisher, range(100), 0.01)
+            router = start_router(endpoint)
+            heard, began_s = len(listener.messages), time.monotonic()
+            assert until(lambda: bool(put_ticks(publisher, range(1), 0.0)) and len(listener.messages) > heard)
+            assert time.monotonic() - began_s < 2.0
+        assert max(costs_s) < BLOCKED_S
+    finally:
+        stop_router(router)
+
+
+def test_a_full_queue_loses_the_oldest_tick_and_counts_it() -> None:
+    settings = settings_on(free_port(), queue=5, connect=("tls/127.0.0.1:1",), config_file=None)
+    publisher = ZenohPublisher(settings.model_copy(update={"enabled": False}), "r1")
+    publisher._settings = settings  # the thread never starts, as if the network hung for ever
+    put_ticks(publisher, range(12), 0.0)
+    assert (publisher.health().depth, publisher.health().dropped) == (5, 7)
+    first = publisher._queue.get_nowait()
+    assert first is not None
+    assert first.tick.seq == 7
+
+
+def test_a_session_that_cannot_open_is_a_state_and_is_tried_again() -> None:
+    settings = PublishSettings(connect=(), listen=("tcp/203.0.113.7:7448",))  # an address that no machine here has
+    with publishing(settings) as publisher:
+        assert until(lambda: "no zenoh session" in publisher.health().trouble)
+        put_ticks(publisher, range(2), 0.0)
+        began_s = time.monotonic()
+    assert time.monotonic() - began_s < 1.0
+
+
+def test_a_missing_zenoh_file_stops_the_start_with_its_name() -> None:
+    with pytest.raises(ConfigurationError, match=r"publish.config_file = 'nowhere.json5': no such file"):
+        ZenohPublisher(PublishSettings(config_file="nowhere.json5"), "r1")
+
+
+def test_a_disabled_publisher_does_nothing() -> None:
+    with publishing(PublishSettings(enabled=False)) as publisher:
+        put_ticks(publisher, range(3), 0.0)
+        assert publisher.health() == SinkHealth(0, 0)
+
+
+def test_a_pace_keeps_its_rate_out_of_any_tick_rate() -> None:
+    pace = Pace(2.0)
+    assert sum(pace.due(seq * TICK_NS) for seq in range(100)) == 20
+    assert not Pace(0.0).due(0)
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "following"),
+    [("tcp/127.0.0.1:7448", "tcp/127.0.0.1:7449"), ("tcp/[::1]:7448#iface=lo", "tcp/[::1]:7449#iface=lo")],
+)
+def test_the_next_port_leaves_the_rest_of_an_endpoint_alone(endpoint: str, following: str) -> None:
+    assert next_port(endpoint) == following

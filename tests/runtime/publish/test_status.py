@@ -1,0 +1,96 @@
+"""Whoever asks over the wire learns how each rover is."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from drivers.measurements import SensorHealth, SensorState
+from runtime.health import Health, RunState
+from runtime.publish.messages import status_object
+from runtime.publish.status import fetch_status, silence_sentence, status_line, status_table, watch_status
+from slam.estimate import Quality
+from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
+from tests.support.zenoh.wire import free_port, publishing, put_ticks, settings_on, until
+
+STALE = Health(
+    0,
+    RunState.DEGRADED,
+    ("laser stale: no scan for 1.2 s",),
+    {"laser": SensorHealth(SensorState.STALE, "no scan for 1.2 s", 0.0)},
+    {},
+    Quality.TRACKING,
+)
+
+
+def made_status(rover: str) -> dict[str, Any]:
+    rng = np.random.default_rng(1)
+    return status_object(rover, 7, make_tick(3, rng), make_estimate(0, rng), make_timing(3), 10.0, STALE)
+
+
+def test_two_rovers_are_both_found_and_do_not_mix() -> None:
+    ports = free_port(), free_port()
+    endpoints = [f"tcp/127.0.0.1:{port}" for port in ports]
+    with publishing(settings_on(ports[0]), "b") as first, publishing(settings_on(ports[1]), "a") as second:
+        assert first.opened(5.0)
+        assert second.opened(5.0)
+        first.note_health(STALE)
+        put_ticks(first, range(30), 0.0)
+        put_ticks(second, range(200, 220), 0.0)
+        found: list[dict[str, Any]] = []
+
+        def both() -> bool:
+            found[:] = fetch_status(endpoints)
+            return len(found) == 2
+
+        assert until(both)
+    assert [status["rover"] for status in found] == ["a", "b"]
+    assert found[0]["seq"] >= 200 > found[1]["seq"]
+    assert found[0]["state"] is None
+    assert found[1]["sensors"]["laser"]["state"] == "stale"
+    assert found[1]["listening"] == [endpoints[0]]
+
+
+def test_the_rate_in_the_status_is_that_of_the_ticks() -> None:
+    port = free_port()
+    with publishing(settings_on(port, queue=100)) as publisher:
+        assert publisher.opened(5.0)
+        put_ticks(publisher, range(41), 0.0)
+
+        def rate_known() -> bool:
+            found = fetch_status([f"tcp/127.0.0.1:{port}"])
+            return bool(found) and found[0]["seq"] == 40
+
+        assert until(rate_known)
+        assert fetch_status([f"tcp/127.0.0.1:{port}"])[0]["rate_hz"] == 10.0
+
+
+def test_nobody_there_is_an_empty_answer_in_bounded_time() -> None:
+    port = free_port()
+    assert fetch_status([f"tcp/127.0.0.1:{port}"], timeout_s=0.3) == []
+    assert str(port) in silence_sentence([f"tcp/127.0.0.1:{port}"])
+
+
+def test_watching_sees_a_rover_come_and_go() -> None:
+    port = free_port()
+    watch = watch_status([f"tcp/127.0.0.1:{port}"], period_s=0.05)
+    assert next(watch) == []
+    with publishing(settings_on(port)) as publisher:
+        assert publisher.opened(5.0)
+        put_ticks(publisher, range(5), 0.0)
+        assert until(lambda: [status["rover"] for status in next(watch)] == ["r1"])
+    assert until(lambda: next(watch) == [])
+
+
+def test_a_line_holds_what_a_person_wants_to_know() -> None:
+    status = made_status("r1")
+    line = status_line(status)
+    assert "r1  degraded  tick 3  10.0 Hz" in line
+    assert f"heading {math.degrees(status['pose']['heading_rad']):.1f} deg" in line
+    assert line.endswith("laser stale: no scan for 1.2 s")
+
+
+def test_a_table_has_a_row_per_rover_and_even_columns() -> None:
+    lines = status_table([made_status("r1"), made_status("a-long-name")])
+    assert len({line.index("degraded") for line in lines[1:3]} | {lines[0].index("state")}) == 1
+    assert lines[3:] == ["r1  laser     stale at 0.00 Hz", "a-long-name  laser     stale at 0.00 Hz"]

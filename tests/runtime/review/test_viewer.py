@@ -1,0 +1,138 @@
+"""A run opens in the viewer without errors, the right way round, and on this machine only."""
+
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from runtime.errors import ConfigurationError
+from runtime.live.drawing_process import ReviewProcess
+from runtime.record.folder import RunFolder
+from runtime.record.header import RunHeader
+from runtime.record.mcap_file import RecordFile
+from runtime.review.layout import SLAM
+from runtime.review.viewer import (
+    headless_viewer,
+    reported_errors,
+    review_paths,
+    screenshot,
+    viewer_command,
+    viewer_environment,
+)
+from runtime.settings.review import ReviewSettings
+from tests.support.runtime.drawn_drive import MOUNT, drive
+from tests.support.zenoh.wire import until
+
+VIEWS = {"map from above", "events", "legend"}
+CONFIGURATION = "[slam.mount]\nx_m = 0.3\n"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+    """A recorded run of 12 s with its review."""
+    folder = RunFolder.create(tmp_path_factory.mktemp("runs") / "run", Path())
+    file = RecordFile(folder.mcap_path, RunHeader(CONFIGURATION, "live").metadata)
+    review = ReviewProcess(folder.review_path, ReviewSettings(), MOUNT)
+    for tick in drive(120):
+        for record in tick:
+            file.add(record)
+            review.feed(record)
+    file.finish()
+    file.write()
+    file.close()
+    review.close()
+    assert review.health().trouble == ""
+    return folder
+
+
+def colored(png: Path, color: tuple[int, int, int], tolerance: int = 30) -> NDArray[np.float64]:
+    """Places (N, 2) of the pixels of about this colour, column and row as shares of the picture."""
+    with Image.open(png) as picture:
+        pixels = np.asarray(picture.convert("RGB")).astype(int)
+    rows, columns = np.nonzero(np.abs(pixels - np.array(color)).max(axis=2) < tolerance)
+    return np.stack((columns / pixels.shape[1], rows / pixels.shape[0]), axis=-1)
+
+
+@pytest.mark.browser
+def test_the_map_is_seen_from_above_with_north_up(run: RunFolder, tmp_path: Path) -> None:
+    """The drive begins south of the map's middle and goes east, then north."""
+    assert screenshot(run, tmp_path / "start.png", at_s=6.0) == []
+    assert screenshot(run, tmp_path / "end.png") == []
+    start, end = (
+        places[places[:, 0] < 0.5] for places in (colored(tmp_path / name, SLAM) for name in ("start.png", "end.png"))
+    )
+    assert len(start) > 100
+    assert end[:, 0].max() > start[:, 0].max() + 0.02, "it went east: to the right"
+    assert end[:, 1].min() < start[:, 1].min() - 0.02, "it went north: upwards"
+
+
+@pytest.mark.browser
+def test_every_view_is_there_and_reports_no_error(run: RunFolder) -> None:
+    with headless_viewer(review_paths(run), (1200, 800)) as client:
+        state = client.get_state()
+    assert {view.name for view in state.views} >= VIEWS
+    assert reported_errors(state) == []
+
+
+@pytest.mark.browser
+def test_the_viewer_in_the_browser_listens_on_the_loopback_only(run: RunFolder) -> None:
+    environment = {**viewer_environment(), "BROWSER": "true"}  # a browser that does nothing
+    viewer = subprocess.Popen(viewer_command(review_paths(run), web=True), env=environment)
+    try:
+        assert until(lambda: len(listening_addresses(viewer.pid)) >= 2, 30.0)
+        assert set(listening_addresses(viewer.pid)) == {"0100007F"}
+    finally:
+        viewer.kill()
+        viewer.wait()
+
+
+def listening_addresses(pid: int) -> list[str]:
+    """Addresses, as /proc writes them, on which this process listens for TCP."""
+    sockets = set()
+    for fd in Path(f"/proc/{pid}/fd").iterdir():
+        try:
+            target = os.readlink(fd)
+        except OSError:
+            continue  # closed in between
+        sockets.add(target.removeprefix("socket:[").removesuffix("]"))
+    lines = Path("/proc/net/tcp").read_text().splitlines()[1:] + Path("/proc/net/tcp6").read_text().splitlines()[1:]
+    fields = [line.split() for line in lines]
+    return [each[1].split(":")[0] for each in fields if each[3] == "0A" and each[9] in sockets]
+
+
+def test_a_missing_review_is_made_from_the_record(run: RunFolder) -> None:
+    size = run.review_path.stat().st_size
+    run.review_path.unlink()
+    assert review_paths(run) == [run.review_path]
+    assert abs(run.review_path.stat().st_size - size) < 0.02 * size, "made again it holds the same"
+    assert not list(run.path.glob("*.unfinished"))
+
+
+def test_no_viewer_is_one_sentence(run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("runtime.review.viewer.find_spec", lambda name: None)
+    with pytest.raises(ConfigurationError, match="install the package rerun-sdk"):
+        viewer_command(review_paths(run), web=False)
+
+
+@pytest.mark.browser
+def test_no_viewer_stays_behind(run: RunFolder) -> None:
+    with headless_viewer(review_paths(run), (800, 600)):
+        assert viewers_of(run) == 1
+    assert viewers_of(run) == 0
+
+
+def viewers_of(run: RunFolder) -> int:
+    """Processes whose command line names this run's review."""
+    name = str(run.review_path).encode()
+    return sum(name in command_line(process).split(b"\0") for process in Path("/proc").glob("[0-9]*"))
+
+
+def command_line(process: Path) -> bytes:
+    try:
+        return (process / "cmdline").read_bytes()
+    except OSError:
+        return b""  # it has ended in between

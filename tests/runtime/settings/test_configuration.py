@@ -1,0 +1,70 @@
+import re
+from pathlib import Path
+
+import pytest
+
+from runtime.errors import ConfigurationError
+from runtime.settings.configuration import Configuration, load_configuration, load_configuration_text
+from runtime.source_tree import ROOT
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "config").glob("*.toml")), ids=lambda path: path.name)
+def test_every_configuration_that_we_ship_loads(path: Path) -> None:
+    assert isinstance(load_configuration(path), Configuration)
+
+
+def test_the_canonical_text_gives_the_same_configuration_and_hash_back() -> None:
+    first = load_configuration(ROOT / "config" / "mock.toml", {"slam.particles": "37"})
+    again = load_configuration_text(first.text)
+    assert again == first
+    assert again.sha256 == first.sha256
+
+
+def test_the_hash_tells_two_configurations_apart() -> None:
+    assert load_configuration_text("seed = 1").sha256 != load_configuration_text("seed = 2").sha256
+
+
+@pytest.mark.parametrize(
+    ("text", "pattern"),
+    [
+        ("[slam]\npartikles = 5", r"slam\.partikles = 5: unknown key; did you mean particles\?"),
+        ("[slma]\n", r"slma = \{\}: unknown key; did you mean slam\?"),
+        ("[slam]\nparticles = 'many'", r"slam\.particles = 'many': expected a valid integer"),
+        ("[slam]\nparticles = true", r"slam\.particles = True: expected a valid integer"),
+        ("[slam]\nparticles = -3", r"slam\.particles = -3: expected greater than"),
+        ("[loop]\nrate_hz = 1e9", r"loop\.rate_hz = 1000000000\.0: expected less than or equal to 100"),
+        ("seed = 1.5", r"seed = 1\.5: expected a valid integer"),
+        ("rover = 'a b'", r"rover = 'a b': .*pattern"),
+        ("seed = \nrover = 1", r"not valid TOML: .*line 1"),
+        ("[slam.techniques]\ndiference = false", r"slam\.techniques\.diference.*did you mean difference\?"),
+    ],
+)
+def test_a_wrong_key_type_or_value_is_one_sentence_with_key_value_and_expectation(text: str, pattern: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        load_configuration_text(text, source="file.toml")
+    assert re.search(pattern, str(caught.value)), str(caught.value)
+    assert str(caught.value).startswith("file.toml: ")
+    assert caught.value.exit_code == 3
+
+
+def test_all_problems_are_told_at_once() -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        load_configuration_text("seed = -1\n[slam]\nparticles = 0\n")
+    assert len(str(caught.value).splitlines()) == 2
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe", None])
+def test_an_unreadable_file_is_named(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "bad.toml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ConfigurationError, match=r"bad\.toml"):
+        load_configuration(path)
+
+
+def test_an_override_reaches_its_key_and_a_wrong_one_is_named() -> None:
+    assert load_configuration_text("", {"slam.particles": "7"}).slam.particles == 7
+    with pytest.raises(ConfigurationError, match=r"slam\.particels = 7"):
+        load_configuration_text("", {"slam.particels": "7"})
+    with pytest.raises(ConfigurationError, match=r"seed is a value"):
+        load_configuration_text("seed = 1", {"seed.deep": "7"})

@@ -1,0 +1,80 @@
+import socket
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from drivers.measurements import SensorHealth, SensorState
+from runtime.settings.configuration import load_configuration_text
+from runtime.setup.preflight import (
+    Finding,
+    Verdict,
+    check_calibration,
+    check_clock,
+    check_disk,
+    check_endpoint,
+    check_real_time,
+    judge_sensor,
+    worst,
+)
+
+
+def finding(verdict: Verdict) -> Finding:
+    return Finding("x", verdict, "")
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "expected"),
+    [([], Verdict.PASS), ([Verdict.PASS, Verdict.WARN], Verdict.WARN), (list(Verdict), Verdict.FAIL)],
+)
+def test_the_worst_finding_is_the_result(verdicts: list[Verdict], expected: Verdict) -> None:
+    assert worst([finding(verdict) for verdict in verdicts]) is expected
+
+
+def test_a_clock_that_was_never_set_is_a_warning_with_a_remedy() -> None:
+    found = check_clock(86400.0)
+    assert found.verdict is Verdict.WARN
+    assert "1970-01-02" in found.reason
+    assert "timedatectl" in found.remedy
+    assert check_clock(2e9).verdict is Verdict.PASS
+
+
+@pytest.mark.parametrize(("free_bytes", "expected"), [(1e8, Verdict.FAIL), (1e9, Verdict.WARN), (1e11, Verdict.PASS)])
+def test_disk_space_is_judged_in_hours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free_bytes: float, expected: Verdict
+) -> None:
+    usage = SimpleNamespace(total=2e11, used=2e11 - free_bytes, free=free_bytes)
+    monkeypatch.setattr("runtime.setup.preflight.shutil.disk_usage", lambda _path: usage)
+    found = check_disk(tmp_path / "runs" / "not-there-yet")
+    assert found.verdict is expected
+    assert "hours" in found.reason
+
+
+def test_a_priority_that_is_not_allowed_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("runtime.setup.preflight.os.geteuid", lambda: 1000)
+    monkeypatch.setattr("runtime.setup.preflight.resource.getrlimit", lambda _limit: (0, 0))
+    found = check_real_time(50)
+    assert found.verdict is Verdict.WARN
+    assert "LimitRTPRIO" in found.remedy
+    assert check_real_time(0).verdict is Verdict.WARN
+
+
+def test_wheels_as_drawn_ask_for_a_calibration_and_measured_ones_do_not() -> None:
+    assert check_calibration(load_configuration_text("")).verdict is Verdict.WARN
+    measured = load_configuration_text("[slam.odometry]\nwheel_radius_left_m = 0.1247")
+    assert check_calibration(measured).verdict is Verdict.PASS
+
+
+def test_a_taken_port_is_a_warning() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert check_endpoint(f"tcp/127.0.0.1:{port}").verdict is Verdict.WARN
+    assert check_endpoint(f"tcp/127.0.0.1:{port}").verdict is Verdict.PASS
+
+
+def test_a_silent_sensor_fails_and_a_slow_one_warns() -> None:
+    assert judge_sensor("laser", SensorHealth(SensorState.STARTING, "no answer", 0.0), 10.0).verdict is Verdict.FAIL
+    assert judge_sensor("laser", SensorHealth(SensorState.FRESH, "", 5.0), 10.0).verdict is Verdict.WARN
+    assert judge_sensor("laser", SensorHealth(SensorState.FRESH, "", 9.98), 10.0).verdict is Verdict.PASS

@@ -1,0 +1,70 @@
+"""A person at a running `infant sim` can let something go wrong, and is told what was not understood."""
+
+import subprocess
+import sys
+
+import pytest
+from pydantic import BaseModel
+
+from drivers.settings.simulated_laser import FaultKind, LaserFault
+from drivers.settings.simulated_wheels import WheelFault
+from runtime.errors import UsageError
+from runtime.simulation.typed_faults import obey
+from runtime.source_tree import ROOT
+
+
+class Recorded:
+    """Stands for a device and remembers what it was asked for."""
+
+    def __init__(self) -> None:
+        self.faults: list[BaseModel] = []
+
+    def inject(self, fault: BaseModel) -> None:
+        """As a device does."""
+        self.faults.append(fault)
+
+    def clear(self) -> None:
+        """As a device does."""
+        self.faults.clear()
+
+
+def test_a_line_becomes_a_fault_of_the_device_and_clear_ends_it() -> None:
+    laser, wheels = Recorded(), Recorded()
+    devices = {"laser": laser, "wheels": wheels}
+    obey("laser status status=60 duration_s=2", devices)
+    obey("wheels loss wheel=both probability=0.5", devices)
+    assert laser.faults == [LaserFault(kind=FaultKind.STATUS, status="60", duration_s=2.0)]
+    assert wheels.faults == [WheelFault(name="loss", wheel="both", probability=0.5)]
+    obey("clear laser", devices)
+    assert laser.faults == []
+
+
+@pytest.mark.parametrize(
+    ("line", "named"),
+    [
+        ("laser quiet", "kind='quiet': expected"),
+        ("laser status status=98", "status='98': expected"),
+        ("wheels loss often=1", "often='1': unknown key"),
+        ("laser cut soon", "soon: expected KEY=VALUE"),
+        ("camera cut", "camera: no such device"),
+        ("clear", "clear: not understood"),
+    ],
+)
+def test_a_line_that_cannot_be_obeyed_is_answered_by_one_sentence(line: str, named: str) -> None:
+    with pytest.raises(UsageError, match=named):
+        obey(line, {"laser": Recorded(), "wheels": Recorded()})
+
+
+def test_the_running_simulation_answers_lines_and_goes_on_after_a_wrong_one() -> None:
+    command = [sys.executable, "-m", "runtime.cli", "sim", "--laser-only"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write("laser quiet\nlaser silence duration_s=0.1\n")
+        process.stdin.flush()
+        lines = [process.stdout.readline() for _ in range(4)]
+        process.terminate()
+    assert lines[0].startswith("laser  tcp://")
+    assert "quiet" in lines[2]
+    assert lines[3] == "laser: silence duration_s=0.1\n"
+    assert process.returncode == 0

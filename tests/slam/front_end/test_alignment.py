@@ -1,0 +1,198 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from drivers.measurements import FloatArray, Scan, Sightings
+from slam.estimator import Estimator
+from slam.front_end.alignment import Alignment
+from slam.front_end.alignment_search import Search
+from slam.odometry.odometry import Increment, Odometry
+from slam.pose import Pose2
+from slam.settings.front_end import FrontEndSettings
+from slam.settings.odometry import OdometrySettings
+from slam.settings.sigma_points import UnscentedSettings
+from slam.settings.slam import SlamSettings
+from tests.support.slam.corridor import BEARINGS_RAD, Stop, drive_round, ranges_of
+
+MOUNT = Pose2(0.1, 0.0, 0.0)
+WHEELS = OdometrySettings(
+    model="pose",
+    slip_m_per_sqrt_m=0.06,
+    lateral_m_per_sqrt_m=0.02,
+    heading_rad_per_sqrt_m=0.05,
+    heading_rad_per_sqrt_rad=0.08,
+    gap_s=4.0,
+)
+MOVED = Increment(np.array((0.5, 0.0, 0.1)), np.diag((0.05**2, 0.02**2, 0.06**2)), False, True, 3.0, 0.2, 0.0, 0.03)
+
+
+def settings_of(**alignment: object) -> FrontEndSettings:
+    return FrontEndSettings.model_validate({"range_max_m": 20.0, "width_max_m": 0.4, "alignment": alignment})
+
+
+def refined(stops: list[Stop], settings: FrontEndSettings) -> tuple[list[Increment], list[Increment], Alignment]:
+    """Increments as the wheels give them, the same after alignment, and the aligner."""
+    odometry, alignment = Odometry(WHEELS, UnscentedSettings()), Alignment(settings, MOUNT)
+    raw, better = [], []
+    for stop in stops:
+        odometry.add((stop.wheels,))
+        raw.append(odometry.take_until(stop.scan.stamp_ns))
+        better.append(alignment.refine(stop.scan, raw[-1]))
+    return raw, better, alignment
+
+
+def errors_of(stops: list[Stop], increments: list[Increment]) -> FloatArray:
+    """(n - 1, 3) true motion ^-1 (+) increment, from the second stop on."""
+    errors = []
+    for before, after, increment in zip(stops, stops[1:], increments[1:], strict=False):
+        true = before.map_from_body.inverse() @ after.map_from_body
+        errors.append((true.inverse() @ increment.as_pose()).as_array())
+    return np.array(errors)
+
+
+@pytest.fixture(scope="module")
+def stops() -> list[Stop]:
+    return drive_round(1, 1.1, MOUNT)
+
+
+def test_scans_seconds_apart_correct_the_wheels_tenfold(stops: list[Stop]) -> None:
+    raw, better, alignment = refined(stops, settings_of())
+    assert alignment.refined >= len(stops) - 2
+    wheels, aligned = errors_of(stops, raw), errors_of(stops, better)
+    assert np.sqrt((wheels[:, 2] ** 2).mean()) > 10.0 * np.sqrt((aligned[:, 2] ** 2).mean())
+    assert np.hypot(aligned[:, 0], aligned[:, 1]).max() < 0.1
+    assert np.abs(aligned[:, 2]).max() < 0.01
+
+
+def test_the_covariance_of_a_refined_increment_is_honest(stops: list[Stop]) -> None:
+    """Normalised squares of 3 degrees of freedom: not above 3, as wide as half of the beams say."""
+    _, better, _ = refined(stops, settings_of())
+    squares = [
+        error @ np.linalg.solve(increment.covariance, error)
+        for error, increment in zip(errors_of(stops, better), better[1:], strict=True)
+    ]
+    assert 0.2 < np.mean(squares) < 3.0
+    assert max(squares) < 16.3  # 99.9 % of chi-square with 3
+
+
+def test_scans_that_can_be_voted_on_leave_the_wheels_alone() -> None:
+    stops = drive_round(1, 0.2, MOUNT, 100_000_000)
+    raw, better, alignment = refined(stops, settings_of())
+    assert alignment.refined == 0
+    assert all(after is before for before, after in zip(raw, better, strict=True))
+
+
+def test_after_a_gap_the_next_scans_are_aligned_and_then_no_more(stops: list[Stop]) -> None:
+    alignment = Alignment(settings_of(), MOUNT)
+    counts, stamp_ns = [], 0
+    for number, stop in enumerate(stops[:12]):
+        stamp_ns += 5_000_000_000 if number == 6 else 100_000_000
+        alignment.refine(replace(stop.scan, stamp_ns=stamp_ns), MOVED)
+        counts.append(alignment.refined)
+    assert counts[5] == 0
+    assert counts[6:8] == [1, 2]
+    assert counts[-1] == 2
+
+
+def test_at_rest_and_switched_off_nothing_changes(stops: list[Stop]) -> None:
+    still = replace(MOVED, at_rest=True)
+    for settings, increment in ((settings_of(), still), (settings_of(enabled=False), MOVED)):
+        alignment = Alignment(settings, MOUNT)
+        assert all(alignment.refine(stop.scan, increment) is increment for stop in stops[:4])
+
+
+def test_a_straight_bare_corridor_says_nothing_of_the_way_along_it() -> None:
+    lines = np.array(((-100.0, 1.2, 100.0, 1.2), (-100.0, -1.2, 100.0, -1.2)))
+    alignment = Alignment(settings_of(), Pose2())
+    generator, pose, increment = np.random.default_rng(3), Pose2(), MOVED
+    for number in range(4):
+        ranges = ranges_of(pose, lines) + generator.normal(0.0, 0.015, BEARINGS_RAD.size)
+        measured: NDArray[np.float32] = np.where(ranges < 15.0, ranges, np.nan).astype(np.float32)
+        increment = alignment.refine(Scan(number * 3_000_000_000, measured, BEARINGS_RAD, range_max_m=15.0), MOVED)
+        pose = pose @ Pose2(0.5, 0.0, 0.0)
+    assert alignment.refined == 3
+    assert abs(increment.mean[2]) < 0.02  # the wheels say 0.1
+    assert math.sqrt(increment.covariance[2, 2]) < 0.01
+    assert increment.covariance[0, 0] > 0.8 * MOVED.covariance[0, 0]
+
+
+def test_what_cannot_be_aligned_leaves_the_wheels_as_they_were(stops: list[Stop]) -> None:
+    """No return, another number of beams, a place never seen, wheels that are not finite, sightings."""
+    first = stops[0].scan
+    nothing = np.full(first.ranges_m.shape, np.nan, dtype=np.float32)
+    later = 5_000_000_000
+    strange = Scan(later, np.full(90, 3.0, dtype=np.float32), BEARINGS_RAD[::2], range_max_m=20.0)
+    elsewhere = Scan(later, np.full(180, 19.0, dtype=np.float32), BEARINGS_RAD, range_max_m=20.0)
+    for scan in (replace(first, stamp_ns=later, ranges_m=nothing), strange, elsewhere):
+        alignment = Alignment(settings_of(), MOUNT)
+        alignment.refine(first, MOVED)
+        assert alignment.refine(scan, MOVED) is MOVED
+    few = np.full(180, 19.0, dtype=np.float32)
+    few[:40] = first.ranges_m[:40]  # 40 of 180 beams are where they were
+    slow, alignment = replace(MOVED, mean=np.array((0.01, 0.0, 0.0))), Alignment(settings_of(), MOUNT)
+    alignment.refine(first, slow)
+    assert alignment.refine(replace(first, stamp_ns=later, ranges_m=few), slow) is slow
+    alignment = Alignment(settings_of(), MOUNT)
+    alignment.refine(first, MOVED)
+    endless = replace(MOVED, covariance=np.full((3, 3), np.nan))
+    assert alignment.refine(replace(first, stamp_ns=later), endless) is endless
+    sightings = Sightings(later, np.ones(2), np.zeros(2), np.full(2, -1))
+    assert alignment.refine(sightings, MOVED) is MOVED
+
+
+def test_a_search_from_several_headings_finds_what_one_start_misses(stops: list[Stop]) -> None:
+    """A corner seen before and after a turn of 30 deg of which the wheels felt half."""
+    settings = settings_of()
+    corner = next(k for k, stop in enumerate(stops) if abs(stop.map_from_body.heading_rad) > 0.3)
+    true = (stops[corner - 1].map_from_body.inverse() @ stops[corner].map_from_body).as_array()
+    misled = replace(MOVED, mean=np.array((0.0, 0.0, true[2] - 0.45)), covariance=np.diag((1e-4, 1e-4, 0.15**2)))
+    gaps = {}
+    for starts in (1, 3):
+        own = settings.alignment.model_copy(update={"starts": starts, "gate_first_m": 0.3})
+        alignment = Alignment(settings.model_copy(update={"alignment": own}), MOUNT)
+        alignment.refine(stops[corner - 1].scan, MOVED)
+        gaps[starts] = abs(alignment.refine(stops[corner].scan, misled).mean[2] - true[2])
+    assert gaps[3] < 0.02
+    assert gaps[1] > 0.1
+
+
+def test_the_same_scans_give_the_same_bits(stops: list[Stop]) -> None:
+    _, first, _ = refined(stops[:30], settings_of())
+    _, second, _ = refined(stops[:30], settings_of())
+    assert all(a.mean.tobytes() == b.mean.tobytes() for a, b in zip(first, second, strict=True))
+    assert all(a.covariance.tobytes() == b.covariance.tobytes() for a, b in zip(first, second, strict=True))
+
+
+def largest_error_m(stops: list[Stop], enabled: bool) -> float:
+    """Of the published pose, in the frame of the start."""
+    tree = {
+        "particles": 20,
+        "mount": {"x_m": MOUNT.x_m},
+        "odometry": WHEELS,
+        "front_end": settings_of(enabled=enabled),
+        "view": {"range_max_m": 20.0, "missed_range_m": 12.0, "missed_bearing_rad": 1.48},
+    }
+    estimator = Estimator(SlamSettings.model_validate(tree), 1)
+    errors = []
+    for stop in stops:
+        pose = stops[0].map_from_body @ estimator.step(stop.scan.stamp_ns, stop.scan, (stop.wheels,)).map_from_body
+        errors.append(math.hypot(pose.x_m - stop.map_from_body.x_m, pose.y_m - stop.map_from_body.y_m))
+    return max(errors)
+
+
+def test_a_ring_of_corridors_closes_within_half_a_metre_and_not_without_alignment(stops: list[Stop]) -> None:
+    assert largest_error_m(stops, True) < 0.5
+    assert largest_error_m(stops, False) > 2.0
+
+
+def test_the_search_writes_finite_information() -> None:
+    points = np.array(((2.0, 1.0), (3.0, 1.0), (4.0, 1.0)))
+    wall, normals = points.copy()[np.newaxis], np.tile((0.0, 1.0), (3, 1))[np.newaxis]
+    start = np.array(((0.0, 0.0, 1.0, 0.0),))
+    search = Search(settings_of().alignment, points, wall, normals, start, 0.2, 0.1)
+    motion, information, _ = search.best(np.zeros(3), 0.01 * np.eye(3))
+    assert np.isfinite(motion).all()
+    assert (np.linalg.eigvalsh(information) > 0.0).all()

@@ -1,0 +1,273 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from slam.joint.gaussian import JointGaussian
+from slam.observations import Features, MatchVerdict
+from slam.pose import Pose2
+from slam.settings.joint import JointSettings
+from slam.settings.slam import SlamSettings, ViewSettings
+
+STILL = (np.zeros(3), np.zeros((3, 3)))
+STEP_NOISE = np.diag((0.02**2, 0.005**2, 0.01**2))
+NOISE = np.diag((0.1**2, math.radians(1.0) ** 2))
+AHEAD = np.array((0.4, 0.0, 0.0))
+RING = [(12.0, 1.0), (6.0, -9.0), (3.0, 8.0), (-4.0, 7.0), (15.0, -12.0), (-2.0, -6.0)]
+
+
+def features_at(
+    points: list[tuple[float, float]], identities: list[int] | None = None, licence: bool = True
+) -> Features:
+    """Features of points in the laser's frame, free of noise."""
+    array = np.array(points, dtype=np.float64).reshape(-1, 2)
+    count = len(array)
+    return Features(
+        0,
+        np.hypot(array[:, 0], array[:, 1]),
+        np.arctan2(array[:, 1], array[:, 0]),
+        np.tile(NOISE, (count, 1, 1)),
+        np.full(count, licence),
+        np.full(count, -1, dtype=np.int64) if identities is None else np.array(identities, dtype=np.int64),
+        np.full(count, -1, dtype=np.int64),
+    )
+
+
+def unknown(features: Features) -> NDArray[np.int64]:
+    return np.full(len(features), -1, dtype=np.int64)
+
+
+def seen_from(pose: Pose2, points: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    local = pose.inverse().transform(np.array(points))
+    return [(float(x), float(y)) for x, y in local]
+
+
+def look(joint: JointGaussian, points: list[tuple[float, float]], times: int = 1) -> NDArray[np.int64]:
+    """Stand still and see points of the laser's frame."""
+    for _ in range(times):
+        seen = features_at(points)
+        verdicts = joint.step(*STILL, seen, unknown(seen))
+    return verdicts
+
+
+def test_a_landmark_seen_twice_is_one_landmark() -> None:
+    joint = JointGaussian(JointSettings(), Pose2())
+    assert (look(joint, RING) == int(MatchVerdict.NEW)).all()
+    assert (look(joint, RING) >= 0).all()
+    assert joint.landmark_count == len(RING)
+
+
+def test_the_mount_places_landmarks_where_the_laser_sees_them() -> None:
+    mount = Pose2(3.0, 0.5, 0.3)
+    joint = JointGaussian(JointSettings(), mount)
+    look(joint, RING)
+    assert np.allclose(joint.landmarks().means_m, mount.transform(np.array(RING)))
+
+
+def test_a_second_feature_beside_a_landmark_neither_matches_nor_creates() -> None:
+    joint = JointGaussian(JointSettings(), Pose2())
+    look(joint, [(10.0, 0.0)], 3)
+    verdicts = look(joint, [(10.25, 0.0), (10.0, 0.0)])
+    assert verdicts[1] >= 0
+    assert verdicts[0] == int(MatchVerdict.EXCLUDED)
+    assert joint.landmark_count == 1
+
+
+def test_a_feature_without_licence_creates_at_rest_only() -> None:
+    joint = JointGaussian(JointSettings(creation="licensed"), Pose2())
+    seen = features_at(RING[:1], licence=False)
+    assert joint.step(AHEAD, STEP_NOISE, seen, unknown(seen))[0] == int(MatchVerdict.UNLICENSED)
+    assert joint.step(*STILL, seen, unknown(seen))[0] == int(MatchVerdict.NEW)
+
+
+def test_what_should_be_seen_and_is_not_is_removed() -> None:
+    joint = JointGaussian(JointSettings(), Pose2())
+    look(joint, [*RING, (8.0, 0.0)])
+    look(joint, RING, 4)
+    assert joint.landmark_count == len(RING)
+
+
+def test_what_was_seen_once_is_forgotten_when_it_leaves_the_view() -> None:
+    joint = JointGaussian(JointSettings(), Pose2())
+    look(joint, [(-20.0, 0.0)])
+    look(joint, [(-21.0, 8.0)], 5)
+    away = features_at([])
+    joint.step(np.array((30.0, 0.0, 0.0)), STEP_NOISE, away, unknown(away))
+    kept = joint.landmarks()
+    assert kept.means_m.shape == (1, 2)
+    assert np.allclose(kept.means_m[0], (-21.0, 8.0), atol=1e-6)
+
+
+def test_identities_of_the_sensor_decide_where_it_has_them() -> None:
+    joint = JointGaussian(JointSettings(), Pose2())
+    first = features_at([(10.0, 0.0), (10.0, 0.8)], [7, 9])
+    joint.step(*STILL, first, unknown(first))
+    swapped = features_at([(10.0, 0.3), (10.0, 0.5)], [9, 7])
+    assert joint.step(*STILL, swapped, unknown(swapped)).tolist() == [9, 7]
+    misread = features_at([(3.0, 9.0)], [7])
+    assert joint.step(*STILL, misread, unknown(misread))[0] == int(MatchVerdict.AMBIGUOUS)
+    assert sorted(joint.landmarks().identities.tolist()) == [7, 9]
+
+
+def test_matches_of_the_particles_are_followed_only_if_told_to_and_inside_the_gate() -> None:
+    told, seen = np.array((11, 12)), features_at([(10.0, 0.0), (10.0, 0.9)])
+    follower = JointGaussian(JointSettings(association="particles"), Pose2())
+    follower.step(*STILL, seen, told)
+    assert follower.step(*STILL, features_at([(10.0, 0.4), (10.0, 0.5)]), told[::-1]).tolist() == [12, 11]
+    assert follower.step(*STILL, features_at([(3.0, 5.0)]), told[:1])[0] == int(MatchVerdict.AMBIGUOUS)
+    alone = JointGaussian(JointSettings(), Pose2())
+    alone.step(*STILL, seen, told)
+    assert alone.step(*STILL, seen, told[::-1]).tolist() == [0, 1]
+
+
+def test_a_landmark_has_the_identity_of_its_scan_and_feature() -> None:
+    joint = JointGaussian(JointSettings(), Pose2())
+    look(joint, [(10.0, 0.0)])
+    look(joint, [(10.0, 0.0), (0.0, 10.0)])
+    assert joint.landmarks().identities.tolist() == [0, 4097]
+
+
+@pytest.mark.parametrize("field", ["ranges_m", "bearings_rad", "covariances"])
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_feature_that_is_not_finite_is_refused_and_counted(field: str, value: float) -> None:
+    joint = JointGaussian(JointSettings(), Pose2())
+    look(joint, RING)
+    seen = features_at(RING)
+    getattr(seen, field)[2] = value
+    verdicts = joint.step(AHEAD, STEP_NOISE, seen, unknown(seen))
+    assert verdicts[2] == int(MatchVerdict.OUT_OF_RANGE)
+    assert joint.refused == 1
+    assert np.isfinite(joint.covariance).all()
+    assert np.isfinite(joint.map_from_body.as_array()).all()
+
+
+def test_a_covariance_that_is_not_positive_is_refused() -> None:
+    joint = JointGaussian(JointSettings(), Pose2())
+    seen = features_at(RING)
+    seen.covariances[1] = -np.eye(2)
+    seen.covariances[2] = ((1.0, 2.0), (2.0, 1.0))
+    verdicts = joint.step(*STILL, seen, unknown(seen))
+    assert (verdicts == int(MatchVerdict.OUT_OF_RANGE)).sum() == 2
+    assert joint.refused == 2
+
+
+@pytest.mark.parametrize("part", [0, 1])
+def test_an_increment_with_nan_is_refused_and_leaves_no_trace(part: int) -> None:
+    joint = JointGaussian(JointSettings(), Pose2())
+    look(joint, RING, 2)
+    increment = [AHEAD.copy(), STEP_NOISE.copy()]
+    increment[part].flat[0] = math.nan
+    seen = features_at(RING)
+    joint.step(increment[0], increment[1], seen, unknown(seen))
+    assert joint.refused == 1
+    assert np.isfinite(joint.covariance).all()
+    assert joint.map_from_body.x_m == pytest.approx(0.0, abs=1e-6)
+
+
+def test_standing_still_the_pose_stays_exact_and_landmarks_sharpen() -> None:
+    joint = JointGaussian(JointSettings(), Pose2())
+    look(joint, RING)
+    first = joint.landmarks().covariances_m2.copy()
+    look(joint, RING, 9)
+    assert np.allclose(joint.landmarks().covariances_m2, first / 10.0, rtol=1e-6)
+    assert np.diag(joint.covariance).max() <= 1.0001e-12
+
+
+def heading_deviation(jacobians: str) -> float:
+    """Of a rover that never knew its heading better than 0.1 rad, after 40 noisy scans of the same six landmarks."""
+    generator = np.random.default_rng(5)
+    joint = JointGaussian(JointSettings.model_validate({"jacobians": jacobians}), Pose2())
+    joint.step(np.array((0.0, 0.0, 0.0)), np.diag((1e-12, 1e-12, 0.1**2)), features_at([]), np.empty(0, dtype=np.int64))
+    truth, noise = Pose2(), np.diag((0.1**2, 0.05**2, 0.05**2))
+    for _ in range(40):
+        increment = np.array((0.3, 0.0, 0.1))
+        truth = truth @ Pose2(*increment.tolist())
+        seen = features_at(seen_from(truth, RING))
+        ranges = seen.ranges_m + 0.1 * generator.standard_normal(len(RING))
+        bearings = seen.bearings_rad + 0.0175 * generator.standard_normal(len(RING))
+        noisy = Features(0, ranges, bearings, seen.covariances, seen.may_create, seen.identities, seen.beams)
+        wheels = increment + np.sqrt(np.diag(noise)) * generator.standard_normal(3)
+        joint.step(wheels, noise, noisy, unknown(noisy))
+    return math.sqrt(float(joint.covariance[2, 2]))
+
+
+def test_turning_the_whole_map_is_never_observed() -> None:
+    assert heading_deviation("invariant") >= 0.0999
+    assert heading_deviation("first_estimates") >= 0.0999
+    assert heading_deviation("current") < 0.0999
+
+
+def test_constants_of_the_odometry_are_found_out() -> None:
+    joint = JointGaussian(JointSettings(distance_scale_sigma=0.05), Pose2())
+    posts = [(x, y) for x in np.arange(0.0, 200.0, 9.0).tolist() for y in (-7.0, 8.0)]
+    truth = Pose2()
+    look(joint, [point for point in posts if point[0] < 25.0], 5)
+    for _ in range(400):
+        truth = truth @ Pose2(*AHEAD.tolist())
+        local = [point for point in seen_from(truth, posts) if math.hypot(*point) < 25.0]
+        seen = features_at(local)
+        joint.step(AHEAD * np.array((0.97, 1.0, 1.0)), STEP_NOISE, seen, unknown(seen))
+    assert joint.odometry_constants[0] == pytest.approx(1.0 / 0.97 - 1.0, abs=0.005)
+    assert joint.map_from_body.x_m == pytest.approx(truth.x_m, abs=0.5)
+
+
+coordinates = st.floats(-25.0, 25.0)
+scans = st.lists(
+    st.tuples(
+        st.floats(-1.0, 1.0),
+        st.floats(-1.5, 1.5),
+        st.floats(1e-9, 1.0),
+        st.lists(st.tuples(coordinates, coordinates), max_size=6),
+    ),
+    min_size=1,
+    max_size=12,
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(scans=scans)
+def test_the_covariance_stays_symmetric_and_positive_whatever_is_seen(
+    scans: list[tuple[float, float, float, list[tuple[float, float]]]],
+) -> None:
+    joint = JointGaussian(JointSettings(landmarks_in_state=8), Pose2())
+    for forward, turn, deviation, points in scans:
+        seen = features_at([point for point in points if math.hypot(*point) > 0.01])
+        joint.step(np.array((forward, 0.0, turn)), np.eye(3) * deviation**2, seen, unknown(seen))
+        covariance = joint.covariance
+        assert np.array_equal(covariance, covariance.T)
+        assert np.linalg.eigvalsh(covariance)[0] > 0.0
+        kept = joint.landmarks().covariances_m2
+        assert np.array_equal(kept, kept.transpose(0, 2, 1))
+        assert (np.linalg.eigvalsh(kept) > 0.0).all()
+        assert np.isfinite(joint.map_from_body.as_array()).all()
+
+
+def test_the_same_steps_give_the_same_bytes_and_every_step_changes_them() -> None:
+    states: list[list[bytes]] = []
+    for _ in range(2):
+        joint = JointGaussian(JointSettings(), Pose2())
+        states.append([])
+        for index in range(5):
+            seen = features_at(RING[: index + 1])
+            joint.step(AHEAD, STEP_NOISE, seen, unknown(seen))
+            states[-1].append(joint.state_bytes())
+    assert states[0] == states[1]
+    assert len(set(states[0])) == 5
+
+
+def test_a_jump_of_half_a_turn_in_heading_stays_wrapped() -> None:
+    joint = JointGaussian(JointSettings(), Pose2())
+    for _ in range(10):
+        joint.step(np.array((0.0, 0.0, 1.0)), STEP_NOISE, features_at([]), np.empty(0, dtype=np.int64))
+    assert -math.pi < joint.map_from_body.heading_rad <= math.pi
+
+
+def test_features_beyond_the_view_are_not_used() -> None:
+    tuning = SlamSettings(view=ViewSettings(range_max_m=10.0)).tuning()
+    joint = JointGaussian(JointSettings(), Pose2(), tuning)
+    seen = features_at([(11.0, 0.0)])
+    assert joint.step(*STILL, seen, unknown(seen))[0] == int(MatchVerdict.OUT_OF_RANGE)
+    assert joint.refused == 0

@@ -1,0 +1,72 @@
+"""Wheels that slip by more than their noise allows, and walkers where the rover looks first."""
+
+import math
+
+import numpy as np
+import pytest
+
+from drivers.measurements import FloatArray, IntArray
+from slam.joint.gaussian import JointGaussian
+from slam.observations import Features, MatchVerdict
+from slam.pose import Pose2, wrap_rad
+from slam.settings.joint import JointSettings
+
+POSTS_M = np.array(
+    ((6.0, 1.0), (9.0, -3.0), (4.0, 7.0), (12.0, 5.0), (-3.0, 8.0), (-5.0, -6.0), (2.0, -9.0), (14.0, -8.0))
+)
+HEADING_SIGMA_RAD = 0.006
+INCREMENT = np.diag((0.005**2, 0.002**2, HEADING_SIGMA_RAD**2))
+NOISE = np.diag((0.02**2, 0.003**2))
+
+
+def seen(points_m: FloatArray, heading_rad: float = 0.0) -> Features:
+    """Features of these points from the origin, by someone who has turned to heading_rad."""
+    count = len(points_m)
+    bearings = np.array([wrap_rad(math.atan2(y, x) - heading_rad) for x, y in points_m])
+    unknown = np.full(count, -1)
+    covariances = np.tile(NOISE, (count, 1, 1))
+    return Features(0, np.hypot(*points_m.T), bearings, covariances, np.ones(count, np.bool_), unknown, unknown)
+
+
+def with_old_posts(settings: JointSettings | None = None) -> JointGaussian:
+    joint = JointGaussian(settings or JointSettings(), Pose2())
+    for _ in range(40):
+        step(joint, seen(POSTS_M), np.zeros((3, 3)))
+    return joint
+
+
+def step(joint: JointGaussian, features: Features, covariance: FloatArray) -> IntArray:
+    return joint.step(np.zeros(3), covariance, features, np.full(len(features), int(MatchVerdict.NEW)))
+
+
+@pytest.mark.parametrize("deviations", [-9.0, -5.0, -3.5, 3.5, 5.0, 9.0])
+def test_a_slip_of_many_deviations_is_found_by_the_landmarks_that_agree_on_it(deviations: float) -> None:
+    joint, turned = with_old_posts(), deviations * HEADING_SIGMA_RAD
+    verdicts = step(joint, seen(POSTS_M, turned), INCREMENT)
+    assert (verdicts >= 0).all()
+    assert joint.map_from_body.heading_rad == pytest.approx(turned, abs=0.004)
+
+
+def test_without_the_search_for_a_slip_the_landmarks_would_be_given_up() -> None:
+    joint = with_old_posts(JointSettings(slip_square=0.0))
+    assert (step(joint, seen(POSTS_M, 9.0 * HEADING_SIGMA_RAD), INCREMENT) < 0).all()
+
+
+def test_a_walker_nearer_than_all_posts_does_not_turn_the_rover() -> None:
+    joint = with_old_posts()
+    walker = np.array(((2.5, 0.5),))
+    for _ in range(3):
+        step(joint, seen(np.vstack((POSTS_M, walker))), INCREMENT)
+    across = np.array((-0.5, 2.5)) / math.hypot(0.5, 2.5)
+    step(joint, seen(np.vstack((POSTS_M, walker + 0.04 * across))), INCREMENT)
+    verdicts = step(joint, seen(np.vstack((POSTS_M, walker + 0.09 * across)), -2.5 * HEADING_SIGMA_RAD), INCREMENT)
+    assert (verdicts[: len(POSTS_M)] >= 0).all()
+    assert joint.map_from_body.heading_rad == pytest.approx(-2.5 * HEADING_SIGMA_RAD, abs=0.004)
+
+
+def test_where_nothing_agrees_on_a_slip_none_is_presumed() -> None:
+    joint, generator = with_old_posts(), np.random.default_rng(1)
+    elsewhere = generator.uniform(-15.0, 15.0, (12, 2))
+    before = joint.map_from_body.heading_rad
+    step(joint, seen(elsewhere), INCREMENT)
+    assert abs(joint.map_from_body.heading_rad - before) < 4.0 * HEADING_SIGMA_RAD
