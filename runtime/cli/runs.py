@@ -27,6 +27,7 @@ def register(app: typer.Typer) -> None:
     app.command()(replay)
     app.command("import")(import_)
     app.command()(evaluate)
+    app.command()(calibrate)
     app.command()(review)
     app.command()(compare)
     app.command()(view)

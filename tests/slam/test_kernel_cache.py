@@ -85,7 +85,7 @@ def heading_of(tree: Path) -> float:
     """What a kernel that calls `wrapped` gives in a process that knows nothing of the command line."""
     program = (
         "import numpy as np\n"
-        "from slam.kernels import predict\n"
+        "from slam.particles.step import predict\n"
         "pose = np.zeros(3)\n"
         "predict(pose, np.zeros((3, 3)), np.array((0.0, 0.0, 0.5)), np.zeros((3, 3)))\n"
         "print(pose[2])\n"

@@ -86,8 +86,8 @@ def test_a_recording_sent_as_fast_as_the_bus_takes_it_loses_no_frame(frames: lis
 SENDER = """
 import sys, time
 from pathlib import Path
-from drivers.simulated.candump_replay import CandumpReplay
-from drivers.wheel_settings import BusSettings
+from tests.support.drivers.candump_replay import CandumpReplay
+from drivers.settings.can import BusSettings
 replay = CandumpReplay(Path(sys.argv[1]), BusSettings(port=int(sys.argv[2])), time.monotonic_ns, speed=200.0)
 start = time.monotonic()
 replay.start()

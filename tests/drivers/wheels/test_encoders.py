@@ -112,9 +112,9 @@ def test_two_rovers_side_by_side_do_not_hear_each_other() -> None:
 
 CHILD = """
 import sys, time, json, numpy as np
-from drivers.simulated.wheel_node import WheelNode
-from drivers.simulated.wheel_settings import SimulatedWheelSettings
-from drivers.wheel_settings import BusSettings
+from drivers.simulated.wheels.node import WheelNode
+from drivers.settings.simulated_wheels import SimulatedWheelSettings
+from drivers.settings.can import BusSettings
 node = WheelNode(SimulatedWheelSettings(slip_std_per_m=0.0), BusSettings(),
                  lambda t: (t * 1e-9, t * 1.2e-9), time.monotonic_ns, np.random.default_rng(1))
 node.start()
@@ -153,8 +153,8 @@ def test_udp_multicast_needs_no_network_but_the_loopback() -> None:
         pytest.skip("no permission to make a network namespace (unshare --net)")
     script = CHILD.replace(
         "print(",
-        "from drivers.encoders import CanEncoders\n"
-        "from drivers.wheel_settings import EncoderSettings\n"
+        "from drivers.wheels.encoders import CanEncoders\n"
+        "from drivers.settings.encoders import EncoderSettings\n"
         "encoders = CanEncoders(EncoderSettings(bus=node.bus), time.monotonic_ns)\n"
         "encoders.start()\nsamples = []\n"
         "deadline = time.monotonic() + 5\n"

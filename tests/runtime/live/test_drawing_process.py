@@ -96,5 +96,5 @@ def test_a_deaf_child_costs_records_and_neither_feed_nor_close(tmp_path: Path, m
 
 
 def test_the_loops_process_never_imports_rerun() -> None:
-    code = "import sys, runtime.review_process, runtime.view; assert 'rerun' not in sys.modules"
+    code = "import sys, runtime.live.drawing_process, runtime.review.viewer; assert 'rerun' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)

@@ -26,9 +26,9 @@ VCAN = BusSettings(interface="socketcan", channel="vcan0")
 COUNTS_PER_METRE = EncoderSettings().counts_per_metre
 NODE = f"""
 import sys, time, numpy as np
-from drivers.simulated.wheel_node import WheelNode
-from drivers.simulated.wheel_settings import SimulatedWheelSettings
-from drivers.wheel_settings import BusSettings
+from drivers.simulated.wheels.node import WheelNode
+from drivers.settings.simulated_wheels import SimulatedWheelSettings
+from drivers.settings.can import BusSettings
 node = WheelNode(SimulatedWheelSettings(slip_std_per_m=0.0), BusSettings(interface="socketcan", channel="vcan0"),
                  lambda t: (t * 1e-9 * {LEFT_MPS}, t * 1e-9 * {RIGHT_MPS}), time.monotonic_ns, np.random.default_rng(1))
 node.start()
