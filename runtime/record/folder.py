@@ -1,7 +1,6 @@
 """The folder of a run: what it holds, how it is made, and that it is never overwritten."""
 
 import json
-import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+from runtime.atomic_write import atomic_write
 from runtime.errors import NotARunError, RunExistsError, StorageError
 
 CLOSED_NAME = re.compile(r"run-(\d{4,})\.mcap")
@@ -144,10 +144,8 @@ class RunFolder:
 
     def write(self, path: Path, text: str) -> None:
         """Write a small file of the run whole or not at all. Raises StorageError."""
-        unfinished = path.with_name(path.name + ".unfinished")
         try:
-            unfinished.write_text(text, encoding="utf-8")
-            os.replace(unfinished, path)
+            atomic_write(path, text)
         except OSError as error:
             raise StorageError(f"{path} cannot be written ({error.strerror}); free space or check the mount") from error
 

@@ -7,10 +7,11 @@ whole: it is small (one line a minute), and so it is never torn.
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from runtime.atomic_write import atomic_write
 
 Facts = dict[str, Any]
 
@@ -59,14 +60,7 @@ class Manifest:
 
     def save(self) -> None:
         """Replace the file, safe against a loss of power. Raises OSError."""
-        unfinished = self.path.with_name(self.path.name + ".unfinished")
-        text = "".join(json.dumps(line, sort_keys=True) + "\n" for line in self.lines)
-        with unfinished.open("w", encoding="utf-8") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(unfinished, self.path)
-        sync_folder(self.path.parent)
+        atomic_write(self.path, "".join(json.dumps(line, sort_keys=True) + "\n" for line in self.lines))
         self.saved = True
 
     @property
@@ -105,12 +99,3 @@ class Manifest:
         before = self.lines[-1]["chain"] if self.lines else ""
         text = json.dumps(facts, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(f"{before}{text}".encode()).hexdigest()
-
-
-def sync_folder(folder: Path) -> None:
-    """Make sure that names in a folder outlive a loss of power. Raises OSError."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -4,11 +4,11 @@ The recorder takes it within a second, writes it into manifest and log, and remo
 the run's folder may mark: no network and no port is involved.
 """
 
-import os
 import threading
 from pathlib import Path
 from uuid import uuid4
 
+from runtime.atomic_write import atomic_write
 from runtime.errors import NotARunError, StorageError, UsageError
 from runtime.record.folder import RunFolder
 from runtime.record.manifest import Manifest
@@ -41,9 +41,7 @@ def leave_mark(folder: RunFolder, reason: str, within_s: float = 3.0) -> bool:
             return _mark_ended(folder, reason)
         folder.marks_path.mkdir(exist_ok=True)
         path = folder.marks_path / f"{uuid4().hex}.txt"
-        unfinished = path.with_suffix(".unfinished")
-        unfinished.write_text(reason, encoding="utf-8")
-        os.replace(unfinished, path)
+        atomic_write(path, reason)
     except OSError as error:
         raise StorageError(f"{folder.path} cannot be marked ({error.strerror}); it needs the right to write") from error
     pause = threading.Event()

@@ -1,13 +1,13 @@
 """Two runs side by side: figures, findings, paths, and the keys in which their configurations differ."""
 
 import json
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from runtime.atomic_write import atomic_write
 from runtime.errors import StorageError
 from runtime.record.folder import RunFolder
 from runtime.report.facts import RunFacts
@@ -148,9 +148,7 @@ def _page(facts: tuple[RunFacts, RunFacts], result: dict[str, Any]) -> str:
 
 
 def _write(path: Path, content: str) -> None:
-    unfinished = path.with_name(path.name + ".unfinished")
     try:
-        unfinished.write_text(content, encoding="utf-8")
-        os.replace(unfinished, path)
+        atomic_write(path, content)
     except OSError as error:
         raise StorageError(f"{path} cannot be written ({error.strerror}); give another file with --out") from error

@@ -4,6 +4,8 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from runtime.atomic_write import replacement
+from runtime.errors import StorageError
 from runtime.messages.pipe import TOPICS
 from runtime.record.folder import RunFolder
 from runtime.record.reader import RunReader
@@ -34,20 +36,18 @@ def build_review(
     track = truth_track(reader)
     if track is not None:
         facts["truth"] = track.name
-    unfinished = out_rrd.with_name(out_rrd.name + ".unfinished")
-    writer = ReviewWriter(
-        unfinished, settings or configuration.review, configuration.slam.mount.as_pose(), facts, track
-    )
+    given = settings or configuration.review
     try:
-        for record in reader.records():
-            if record.topic in TOPICS:
-                writer.feed(record)
-                if progress is not None and record.topic == "/tick":
-                    progress(reader.read_fraction)
-        writer.close()
-        os.replace(unfinished, out_rrd)
+        with replacement(out_rrd) as unfinished:
+            writer = ReviewWriter(unfinished, given, configuration.slam.mount.as_pose(), facts, track)
+            for record in reader.records():
+                if record.topic in TOPICS:
+                    writer.feed(record)
+                    if progress is not None and record.topic == "/tick":
+                        progress(reader.read_fraction)
+            writer.close()
         for part in RunFolder(out_rrd.parent).review_paths():
             if part != out_rrd:
                 part.unlink()  # it is in the new one
-    finally:
-        unfinished.unlink(missing_ok=True)
+    except OSError as error:
+        raise StorageError(f"{out_rrd} cannot be written ({error.strerror}); free space or check the mount") from error

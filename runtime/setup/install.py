@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from runtime.atomic_write import atomic_write
 from runtime.errors import PreflightError, StorageError
 from runtime.settings.configuration import load_configuration
 from runtime.setup.usable import refuse_unusable
@@ -210,12 +211,9 @@ def _text(path: Path) -> str:
 
 def _write(path: Path, text: str) -> None:
     """Whole or not at all."""
-    unfinished = path.with_name(f".{path.name}.unfinished")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        unfinished.write_text(text, encoding="utf-8")
-        unfinished.chmod(0o644)
-        os.replace(unfinished, path)
+        atomic_write(path, text, mode=0o644)
     except OSError as error:
         raise StorageError(f"{path} cannot be written ({error.strerror}); check the mount") from error
 

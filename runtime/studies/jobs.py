@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from runtime.atomic_write import atomic_write
 from runtime.errors import UsageError
 
 Result = dict[str, Any]
@@ -51,7 +52,7 @@ def run_jobs(jobs: Sequence[Job], folder: Path, scheduler: str | None, progress:
     total = done + len(missing)
     progress(done, total)
     for key, result in _compute(missing, scheduler):
-        _keep(_path(folder, key), result)
+        atomic_write(_path(folder, key), json.dumps(result))  # a cut-off call leaves no half result behind
         done += 1
         progress(done, total)
     return [json.loads(_path(folder, job.key).read_text()) for job in jobs]
@@ -100,10 +101,3 @@ def _client(scheduler: str) -> Iterator[Any]:
 
 def _path(folder: Path, key: str) -> Path:
     return folder / f"{key}.json"
-
-
-def _keep(path: Path, result: Result) -> None:
-    """Write whole or not at all, so that a cut-off call leaves no half result behind."""
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(result))
-    partial.replace(path)

@@ -201,7 +201,7 @@ def test_a_folder_that_cannot_be_written_is_said_at_the_start(tmp_path: Path) ->
 KILLED = """
 import sys, time
 from pathlib import Path
-from tests.runtime.test_record import put, start
+from tests.runtime.record.test_recorder import put, start
 recorder = start(Path(sys.argv[1]))
 for seq in range(100_000):
     put(recorder, range(seq, seq + 1))

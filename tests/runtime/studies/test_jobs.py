@@ -44,7 +44,7 @@ def test_a_finished_job_is_not_run_twice(tmp_path: Path) -> None:
 def test_a_half_written_result_does_not_count(tmp_path: Path) -> None:
     job = Job(square, {"value": 4, "calls": str(tmp_path / "calls")})
     (tmp_path / "results").mkdir()
-    (tmp_path / "results" / f"{job.key}.partial").write_text('{"squ')
+    (tmp_path / "results" / f".{job.key}.json.0123456789abcdef.unfinished").write_text('{"squ')
     assert run_jobs([job], tmp_path / "results", None, ignore) == [{"square": 16}]
 
 

@@ -1,0 +1,125 @@
+import os
+from pathlib import Path
+
+import pytest
+
+from runtime.atomic_write import atomic_write, replacement
+from runtime.record.folder import RunFolder
+from runtime.record.manifest import Manifest
+from runtime.setup.install import FileState, Plan, PlannedFile, apply
+
+PREDICTABLE = ("{}.unfinished", ".{}.unfinished", "{}.partial", "{}.tmp")
+
+
+def planted(folder: Path, name: str) -> Path:
+    """Links to another's file under the name itself and every name that earlier releases wrote to first."""
+    victim = folder.parent / "victim"
+    victim.write_text("untouched")
+    for link in (name, *(pattern.format(name) for pattern in PREDICTABLE), Path(name).stem + ".unfinished"):
+        (folder / link).symlink_to(victim)
+    return victim
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    path = tmp_path / "run"
+    path.mkdir()
+    return path
+
+
+def write_manifest(folder: Path) -> Path:
+    manifest = Manifest(folder / "manifest.jsonl")
+    manifest.add("run", created_utc="")
+    manifest.save()
+    return manifest.path
+
+
+def write_summary(folder: Path) -> Path:
+    RunFolder(folder).write_summary({"ticks": 3})
+    return folder / "summary.json"
+
+
+def install_file(folder: Path) -> Path:
+    path = folder / "infant.service"
+    apply(Plan((PlannedFile(path, "[Unit]\n", FileState.DIFFERS),), ()), lambda command: None)
+    return path
+
+
+@pytest.mark.parametrize("write", [write_manifest, write_summary, install_file])
+def test_no_planted_link_is_followed(folder: Path, write: object) -> None:
+    assert callable(write)
+    name = write(folder).name
+    (folder / name).unlink()
+    victim = planted(folder, name)
+    path = write(folder)
+    assert victim.read_text() == "untouched"
+    assert path.is_file()
+    assert not path.is_symlink()
+
+
+def test_the_new_content_has_the_name_and_nothing_else_is_left(folder: Path) -> None:
+    path = folder / "map.json"
+    path.write_text("old")
+    atomic_write(path, "new, with µ")
+    atomic_write(folder / "bytes", b"\0\1", mode=0o600)
+    assert path.read_text(encoding="utf-8") == "new, with µ"
+    assert (folder / "bytes").stat().st_mode & 0o777 == 0o600
+    assert sorted(os.listdir(folder)) == ["bytes", "map.json"]
+
+
+def test_the_umask_decides_who_may_read(folder: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        atomic_write(folder / "map.json", "")
+    finally:
+        os.umask(before)
+    assert (folder / "map.json").stat().st_mode & 0o777 == 0o640
+
+
+def test_a_refusal_leaves_the_old_content_and_no_other_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = folder / "map.json"
+    path.write_text("old")
+
+    def refuse(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", refuse)
+    with pytest.raises(OSError, match="No space"):
+        atomic_write(path, "new")
+    assert path.read_text() == "old"
+    assert os.listdir(folder) == ["map.json"]
+
+
+def test_a_library_that_fails_leaves_the_old_file(folder: Path) -> None:
+    path = folder / "review.rrd"
+    path.write_text("old")
+
+    def half_written() -> None:
+        with replacement(path) as unfinished:
+            unfinished.write_text("half")
+            raise RuntimeError("the library gave up")
+
+    with pytest.raises(RuntimeError, match="gave up"):
+        half_written()
+    assert path.read_text() == "old"
+    assert os.listdir(folder) == ["review.rrd"]
+
+
+def test_the_name_is_synced_after_the_content(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A loss of power between the two must not leave a name without content."""
+    steps: list[str] = []
+    sync, rename = os.fsync, os.replace
+
+    def noted_sync(descriptor: int) -> None:
+        steps.append(os.readlink(f"/proc/self/fd/{descriptor}"))
+        sync(descriptor)
+
+    def noted_rename(source: str, target: str, **folders: int) -> None:
+        steps.append("rename")
+        rename(source, target, **folders)
+
+    monkeypatch.setattr(os, "fsync", noted_sync)
+    monkeypatch.setattr(os, "replace", noted_rename)
+    atomic_write(folder / "map.json", "new")
+    assert steps[0].endswith(".unfinished")
+    assert steps[1:] == ["rename", str(folder)]
