@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from drivers.measurements import Event, Severity
 
-REPEAT_NS = 5_000_000_000
+REPEAT_NS = 1_000_000_000
 LENGTH = 500
 
 
@@ -40,7 +40,7 @@ class EventLog:
         amount: int = 1,
         key: str = "",
     ) -> None:
-        """Count `kind` and tell of it; what has the same key within 5 s is counted and told with the next event.
+        """Count `kind` and tell of it; what has the same key within a second is counted and told with the next event.
 
         amount: how many occurrences this stands for. key: what is limited in rate, `kind` where empty.
         """

@@ -95,7 +95,7 @@ def test_wheels_that_never_turn_give_the_range_noise_and_nothing_else() -> None:
 
 
 def test_swapped_signs_are_refused_with_a_hint() -> None:
-    drive = park_drive(2, Rover(), 14.0)
+    drive = park_drive(2, Rover(), 20.0)
     backward = tuple(WheelCounts(s.stamp_ns, -s.left, -s.right) for s in drive.wheels if isinstance(s, WheelCounts))
     result = calibrate([replace(drive, wheels=backward)], START)
     assert result.quantity("tread_m").refused
