@@ -18,7 +18,7 @@ CLOSE_S = 4.0  # of which 3 s are waited for a peer that has stopped reading
 FORGETFUL = """
 import sys
 from runtime.publish.publisher import ZenohPublisher
-from tests.runtime.zenoh_wire import put_ticks, settings_on, start_module
+from tests.support.zenoh.wire import put_ticks, settings_on, start_module
 port = int(sys.argv[1])
 publisher = ZenohPublisher(settings_on(port), "r1")
 assert publisher.opened(5.0)
@@ -62,7 +62,7 @@ def test_a_process_that_forgot_to_close_ends_while_it_is_being_asked(times: int)
 STALLED = """
 import os, signal, sys
 from runtime.publish.publisher import ZenohPublisher
-from tests.runtime.zenoh_wire import Listener, put_ticks, settings_on, until
+from tests.support.zenoh.wire import Listener, put_ticks, settings_on, until
 port = int(sys.argv[1])
 publisher = ZenohPublisher(settings_on(port), "r1")
 listener = Listener(f"tcp/127.0.0.1:{port}", "infant/**", 60.0)
