@@ -44,7 +44,7 @@ class Estimate:
     particles (M, 3) poses and particle_weights (M,): None on a tick without a scan.
     features, matches (K,): features of the scan and what became of each (identity, or a MatchVerdict).
     beam_verdicts (N,) uint8 of BeamVerdict, None without a scan.
-    landmarks: filled on every `slam.map_every`-th tick, else None.
+    landmarks: filled on every tenth scan (Estimator's map_every), else None.
     counts: figures of this tick by name ("landmarks", "matched", "created", "removed", "likelihoods",
         "effective_particles", ...).
     """

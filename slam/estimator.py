@@ -25,6 +25,8 @@ from slam.settings.slam import SlamSettings
 from slam.visibility import sight_line
 from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, warm_up_window
 
+MAP_EVERY = 10  # scans: once a second, as often as the map is published
+
 
 def unmarked(stage: str) -> None:
     """Nobody wants to know how long the stages take."""
@@ -36,14 +38,23 @@ class Estimator:
     Deterministic: the same settings, seed and inputs give the same bits. Stamps are the only time it knows.
     """
 
-    def __init__(self, settings: SlamSettings, seed: int, mark: Callable[[str], None] = unmarked) -> None:
-        """mark: told the name of each stage of a step as it ends, for someone who has a clock."""
+    def __init__(
+        self,
+        settings: SlamSettings,
+        seed: int,
+        mark: Callable[[str], None] = unmarked,
+        map_every: int = MAP_EVERY,
+    ) -> None:
+        """mark: told the name of each stage of a step as it ends, for someone who has a clock. map_every: the map goes
+        with every so many-th estimate.
+        """
         self._settings = settings
         self._mark = mark
+        self._map_every = map_every
         self._generator = np.random.default_rng(seed)
         mount = settings.mount.as_pose()
         techniques = settings.techniques
-        self._odometry = Odometry(settings.odometry, settings.unscented)
+        self._odometry = Odometry(settings.odometry)
         self._front_end = make_front_end(
             settings.front_end,
             difference=techniques.difference,
@@ -133,7 +144,7 @@ class Estimator:
             }
             | self._quality.figures
         )
-        due = self._particles.scans % self._settings.map_every == 0
+        due = self._particles.scans % self._map_every == 0
         return Estimate(
             stamp_ns=stamp_ns,
             **self._poses_at(stamp_ns),

@@ -13,9 +13,18 @@ import numpy as np
 
 from drivers.measurements import FloatArray
 from slam.estimate import Quality
-from slam.joint.evidence import Evidence
+from slam.joint.evidence import SETTLED_SCANS, Evidence
 from slam.settings.quality import QualitySettings
 
+FOUND_SHARE = 0.03  # of the settled landmarks in range, over some scans; where less is found, chance finds it
+LOST_BLIND_SCANS = 20  # scans in a row that do not support the pose; then the map is left as it is
+UNCERTAIN_M = 1.0  # standard deviation of the position, larger axis
+LOST_M = 5.0  # the same
+UNCERTAIN_GAP_M = 1.5  # m between particles and joint Gaussian beyond 3 sigma of it
+UNCERTAIN_SQUARE = 8.0  # mean squared Mahalanobis distance of what is found, over a second; 2 is consistent
+LOST_SIGMA_M = 10.0  # m; standard deviation that is added to the published position while it is lost
+LOST_SIGMA_RAD = 1.8  # rad; the same for the heading: any heading is as likely as any other
+LOST_GROWTH = np.diag((LOST_SIGMA_M**2, LOST_SIGMA_M**2, LOST_SIGMA_RAD**2))
 CEILING = 1.5  # times the bound: what the score can pile up, so that a rover that finds itself says so soon
 FADING = 0.02  # of the score a scan while nothing of the map is in view: it neither speaks for the pose nor against it
 CONSISTENT = 2.0  # expected squared distance of a range and a bearing
@@ -49,11 +58,11 @@ class QualityMonitor:
     @property
     def settled_before(self) -> int:
         """Number of the scan before which a landmark must have been made to count."""
-        return self._trusted_scans - self._settings.settled_scans
+        return self._trusted_scans - SETTLED_SCANS
 
     @property
     def score(self) -> float:
-        """Missed less found, added up; lost from settings.lost_score on, until it is back at 0."""
+        """Missed less found, added up; lost from [slam.quality] lost_score on, until it is back at 0."""
         return self._score
 
     @property
@@ -74,7 +83,7 @@ class QualityMonitor:
 
         Scans are counted, not seconds: a recording with scans three seconds apart is slow and not lost.
         """
-        return self._lost or self._blind_scans >= self._settings.lost_blind_scans
+        return self._lost or self._blind_scans >= LOST_BLIND_SCANS
 
     def weigh(self, stamp_ns: int, evidence: Evidence) -> None:
         """One scan."""
@@ -93,7 +102,7 @@ class QualityMonitor:
         if evidence.known > 0:
             self._known += QUICKLY * (evidence.known - self._known)
             self._found += QUICKLY * (evidence.found - self._found)
-        if evidence.known == 0 or self._found >= settings.found_share * self._known:
+        if evidence.known == 0 or self._found >= FOUND_SHARE * self._known:
             self._supported_ns = stamp_ns
             self._blind_scans = 0
             if self._score == 0.0:
@@ -116,7 +125,7 @@ class QualityMonitor:
             return Judgement(Quality.LOST, against)
         if blind_s > settings.lost_blind_s:
             return Judgement(Quality.LOST, blind)
-        if deviation_m > settings.lost_m:
+        if deviation_m > LOST_M:
             return Judgement(Quality.LOST, wide)
         if self._score >= 0.5 * settings.lost_score:
             return Judgement(Quality.UNCERTAIN, against)
@@ -124,11 +133,11 @@ class QualityMonitor:
             return Judgement(Quality.UNCERTAIN, "no scan has come yet")
         if blind_s > settings.uncertain_blind_s:
             return Judgement(Quality.UNCERTAIN, blind)
-        if deviation_m > settings.uncertain_m:
+        if deviation_m > UNCERTAIN_M:
             return Judgement(Quality.UNCERTAIN, wide)
-        if gap_m > settings.uncertain_gap_m + 3.0 * deviation_m:
+        if gap_m > UNCERTAIN_GAP_M + 3.0 * deviation_m:
             return Judgement(Quality.UNCERTAIN, f"particles and joint Gaussian disagree: by {gap_m:.1f} m")
-        if self._square > settings.uncertain_square:
+        if self._square > UNCERTAIN_SQUARE:
             return Judgement(
                 Quality.UNCERTAIN, f"landmarks are farther off than their noise allows: square {self._square:.1f}"
             )
@@ -138,8 +147,7 @@ class QualityMonitor:
         """The covariance (3, 3) that goes out: grown while lost, because the filter's own knows nothing of it."""
         if quality is not Quality.LOST:
             return covariance
-        square_m2 = self._settings.lost_sigma_m**2
-        grown: FloatArray = covariance + np.diag((square_m2, square_m2, self._settings.lost_sigma_rad**2))
+        grown: FloatArray = covariance + LOST_GROWTH
         return grown
 
     def state_bytes(self) -> bytes:

@@ -10,20 +10,19 @@ import numpy as np
 
 from drivers.measurements import FloatArray
 from slam.compiled import leaf
-from slam.settings.sigma_points import UnscentedSettings, unscented_weights
+from slam.settings.sigma_points import unscented_weights
 
 
 def unscented_transform(
     mean: FloatArray,
     covariance: FloatArray,
     function: Callable[[FloatArray], FloatArray],
-    settings: UnscentedSettings,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Mean (m,), covariance (m, m) and cross covariance (n, m) of function(x) for x ~ N(mean (n,), covariance (n, n)).
 
     The plain reference form, for vectors without angles; the kernels are held to it by tests.
     """
-    weights = unscented_weights(mean.size, settings)
+    weights = unscented_weights(mean.size)
     columns = weights.scale * square_root(covariance)
     points = np.vstack((mean, mean + columns.T, mean - columns.T))
     images = np.array([function(point) for point in points])

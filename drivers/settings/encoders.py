@@ -1,12 +1,12 @@
 """Settings of the wheel encoders: the bus, where in the frames the counts are, and what motion is possible."""
 
-import math
 from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from drivers.settings.can import BusSettings
 from drivers.settings.layouts import DbcLayout, Layout
+from drivers.settings.vehicle import VehicleSettings
 
 
 class WheelSettings(BaseModel):
@@ -28,25 +28,11 @@ class EncoderSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
+    vehicle: VehicleSettings = VehicleSettings()  # handed on from the table [vehicle], no key of [encoders]
     bus: BusSettings = Field(default_factory=BusSettings)
     layout: Layout = Field(default_factory=DbcLayout)
     left: WheelSettings = Field(default_factory=WheelSettings)
     right: WheelSettings = Field(default_factory=WheelSettings)
-    counts_per_rev: float = Field(
-        default=4096.0,
-        gt=0.0,
-        le=1e9,
-        description="counts per turn of the wheel; 1024 lines x 4 on the rover",
-    )
-    wheel_radius_m: float = Field(
-        default=0.125, gt=0.001, le=5.0, description="nominal; only to judge what motion is possible"
-    )
-    max_speed_mps: float = Field(
-        default=1.944,
-        gt=0.01,
-        le=100.0,
-        description="top speed of a wheel; 7 km/h (paper, Table II); 1.5 times this is a jump",
-    )
     period_ms: float = Field(default=20.0, ge=1.0, le=1000.0, description="time between two frames of one wheel")
     degraded_periods: float = Field(
         default=3.0, ge=1.5, le=100.0, description="silence after which a wheel is degraded"
@@ -71,7 +57,7 @@ class EncoderSettings(BaseModel):
     @property
     def counts_per_metre(self) -> float:
         """Counts for one metre rolled."""
-        return self.counts_per_rev / (2.0 * math.pi * self.wheel_radius_m)
+        return self.vehicle.counts_per_metre
 
     @property
     def period_ns(self) -> int:

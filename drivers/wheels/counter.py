@@ -13,7 +13,6 @@ from drivers.wheels.alive_counter import AliveCounter
 from drivers.wheels.leaky_bucket import LeakyBucket
 from drivers.wheels.readings import WheelReading
 
-JUMP_FACTOR = 1.5  # of the top speed; what is faster is no motion
 SLACK_COUNTS = 4.0  # quantisation of two readings, and dither at rest
 SPEED_STEPS = 3  # the last speed says nothing of more frames than this
 RESIDUAL_KEPT = 0.96  # per frame: half a second at 50 Hz
@@ -51,7 +50,7 @@ class WheelCounter:
         self.frozen = LeakyBucket(5)
         self.two_senders = False
         self._period_ns = settings.period_ns
-        self._top_counts_per_ns = JUMP_FACTOR * settings.max_speed_mps * settings.counts_per_metre * 1e-9
+        self._top_counts_per_ns = settings.vehicle.jump_speed_mps * settings.counts_per_metre * 1e-9
         self._tolerance = settings.speed_tolerance_m * settings.counts_per_metre
         self._counts_per_metre = settings.counts_per_metre
         self._sign = sign

@@ -3,7 +3,6 @@
 from collections import Counter
 
 from drivers.settings.encoders import EncoderSettings
-from drivers.wheels.counter import JUMP_FACTOR
 from drivers.wheels.leaky_bucket import LeakyBucket
 from drivers.wheels.readings import WheelReading
 
@@ -22,7 +21,7 @@ class SpeedIntegrator:
         self.two_senders = False
         self._period_ns = settings.period_ns
         self._longest_ns = settings.degraded_periods * settings.period_ns
-        self._top_counts_per_s = JUMP_FACTOR * settings.max_speed_mps * settings.counts_per_metre
+        self._top_counts_per_s = settings.vehicle.jump_speed_mps * settings.counts_per_metre
         self._counts_per_metre = settings.counts_per_metre
         self._sign = sign
         self._speed = 0.0

@@ -20,7 +20,7 @@ REASONS = {
     "fd": "CAN FD frames arrive under this id; check the layout",
     "status": "the node says that its counts are not good",
     "alive_frozen": "the rolling counter stands still while the count changes; the node's program hangs",
-    "jump": "the count moves faster than the rover can; check counts_per_rev and the encoder",
+    "jump": "the count moves faster than the rover can; check vehicle.counts_per_rev and the encoder",
     "too_soon": "the rolling counter runs ahead of time; perhaps two nodes send under this id",
     "speed_disagrees": "count and speed signal disagree; check the encoder",
     "stuck": "the count stands still while the speed signal does not; check the encoder",
@@ -110,12 +110,12 @@ class WheelState:
 
     def inform(self, stamp_ns: int, info: NodeInfo) -> None:
         """The node's slow message: refuse to use a node that is not the one configured."""
-        expected = self._settings.counts_per_rev
+        expected = self._settings.vehicle.counts_per_rev
         if info.counts_per_rev is not None and info.counts_per_rev != expected:
             self.counters["configuration"] += 1
             self._misconfigured = (
-                f"the node has {info.counts_per_rev} counts per turn but counts_per_rev is {expected:g}; "
-                "set counts_per_rev to what is true"
+                f"the node has {info.counts_per_rev} counts per turn but vehicle.counts_per_rev is {expected:g}; "
+                "set vehicle.counts_per_rev to what is true"
             )
         else:
             self._misconfigured = ""

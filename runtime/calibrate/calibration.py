@@ -87,7 +87,7 @@ def _model(drives: Sequence[DriveData], initial: CalibrationStart | SteeringStar
         if isinstance(drive.wheels[0], SpeedSteering) != steered:
             have, want = ("wheel counts", "steered") if steered else ("speed and steering", "differential")
             raise DataSetError(
-                f"{drive.name}: holds {have}, which does not go with slam.odometry.model = {want!r}; "
+                f"{drive.name}: holds {have}, which does not go with vehicle.motion_model = {want!r}; "
                 "change the configuration"
             )
     return SteeredModel(initial) if isinstance(initial, SteeringStart) else DifferentialModel(initial)

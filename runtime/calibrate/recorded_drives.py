@@ -69,7 +69,7 @@ def start_from(configuration: Configuration) -> CalibrationStart | SteeringStart
         )
     if odometry.model != "differential":
         raise DataSetError(
-            f"slam.odometry.model = {odometry.model!r}: expected 'differential' or 'steered'; "
+            f"vehicle.motion_model = {odometry.model!r}: expected 'differential' or 'steered'; "
             "there are no wheels to calibrate"
         )
     return CalibrationStart(

@@ -13,13 +13,13 @@ from runtime.settings.configuration import load_configuration_text
 Tree = dict[str, Any]
 
 DIRECT = {
-    "wheel_radius_left_m": "slam.odometry.wheel_radius_left_m",
-    "wheel_radius_right_m": "slam.odometry.wheel_radius_right_m",
-    "tread_m": "slam.odometry.tread_m",
+    "wheel_radius_left_m": "vehicle.wheel_radius_left_m",
+    "wheel_radius_right_m": "vehicle.wheel_radius_right_m",
+    "tread_m": "vehicle.tread_m",
     "slip_m_per_sqrt_m": "slam.odometry.slip_m_per_sqrt_m",
     "lateral_m_per_sqrt_m": "slam.odometry.lateral_m_per_sqrt_m",
-    "steering_scale": "slam.odometry.steering_scale",
-    "steering_bias_rad": "slam.odometry.steering_bias_rad",
+    "steering_scale": "vehicle.steering_scale",
+    "steering_bias_rad": "vehicle.steering_bias_rad",
     "laser_x_m": "slam.mount.x_m",
     "laser_y_m": "slam.mount.y_m",
     "laser_yaw_rad": "slam.mount.yaw_rad",
@@ -50,7 +50,7 @@ def write_configuration(result: Calibration, base_toml: str, path: Path) -> tupl
             table = table.setdefault(name, {})
         table[last] = value
     text = "".join(f"# {line}\n" for line in calibration_lines(result)) + "\n" + tomli_w.dumps(tree)
-    load_configuration_text(text, source=str(path))
+    load_configuration_text(text, source=str(path), recorded=False)
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
@@ -69,9 +69,6 @@ def configuration_changes(result: Calibration, base_toml: str) -> dict[str, floa
         if (quantity := result.reported(name)) is not None:
             changes[key] = max(round(quantity.value, 6), LEAST.get(key, -1e9))
     changes |= _uncertainties(result)
-    radii = [quantity.value for side in ("left", "right") if (quantity := result.reported(f"wheel_radius_{side}_m"))]
-    if believed.encoders is not None and len(radii) == 2:
-        changes["encoders.wheel_radius_m"] = round(sum(radii) / 2.0, 6)
     latency = result.reported("laser_latency_s")
     if believed.laser is not None and latency is not None:
         changes["laser.stamp_offset_s"] = round(believed.laser.stamp_offset_s - latency.value, 6)

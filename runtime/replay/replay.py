@@ -20,6 +20,7 @@ from runtime.record.mcap_file import RunWriter
 from runtime.record.reader import RecordedTick, RunReader
 from runtime.replay.difference import first_difference
 from runtime.settings.configuration import Configuration, load_configuration, load_configuration_text
+from runtime.settings.retired import ignored_settings
 from runtime.tick import Timing
 from slam.estimate import Estimate
 from slam.estimator import Estimator
@@ -123,7 +124,8 @@ def replay_run(
         folder.write_configuration(configuration.text)
     Estimator.warm_up(configuration.slam)
     result = replay(reader, configuration, folder, verify, progress)
-    if result.difference and (others := other_versions(reader.header.versions)):
+    others = [*other_versions(reader.header.versions), *ignored_settings(reader.header.configuration_text)]
+    if result.difference and others:
         result.difference += f" (recorded with other code: {'; '.join(others)})"
     summary = summarise_replay(result, str(run), folder, configuration.sha256)
     if folder is not None:

@@ -7,23 +7,33 @@ import tomllib
 import typing
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.laser import LaserSettings
 from drivers.settings.simulation import SimulationSettings
+from drivers.settings.vehicle import VehicleSettings
 from runtime.errors import ConfigurationError
 from runtime.settings.data_set import DataSetSettings
 from runtime.settings.loop import LoopSettings
 from runtime.settings.publish import PublishSettings
 from runtime.settings.record import RecordSettings
+from runtime.settings.retired import refusals, translated
 from runtime.settings.review import ReviewSettings
+from slam.settings.odometry import OdometrySettings
 from slam.settings.slam import SlamSettings
 
 Tree = dict[str, Any]
+
+SHARED = frozenset(VehicleSettings.model_fields)
+HANDED_ON: dict[str, Any] = {
+    "slam": {"odometry": {*(SHARED & set(OdometrySettings.model_fields)), "model", "jump_speed_mps"}},
+    "encoders": {"vehicle"},
+}
+"""Fields that no file sets: they are filled from [vehicle]."""
 
 
 class Configuration(BaseModel):
@@ -33,6 +43,7 @@ class Configuration(BaseModel):
 
     rover: str = Field("infant", pattern=r"^[A-Za-z0-9_-]{1,32}$", description="name in every key that is published")
     seed: int = Field(1, ge=0, le=2**32 - 1, description="seeds the filter")
+    vehicle: VehicleSettings = VehicleSettings()
     slam: SlamSettings = SlamSettings()
     laser: LaserSettings | None = None
     encoders: EncoderSettings | None = None
@@ -43,10 +54,22 @@ class Configuration(BaseModel):
     simulation: SimulationSettings | None = None
     data_set: DataSetSettings | None = None
 
+    @model_validator(mode="after")
+    def _hand_the_vehicle_on(self) -> Self:
+        """Give filter and driver the geometry, each in its own form; neither has keys for it."""
+        vehicle = self.vehicle
+        geometry = {name: getattr(vehicle, name) for name in HANDED_ON["slam"]["odometry"] if name in SHARED}
+        geometry |= {"model": vehicle.motion_model, "jump_speed_mps": vehicle.jump_speed_mps}
+        odometry = self.slam.odometry.model_copy(update=geometry)
+        object.__setattr__(self, "slam", self.slam.model_copy(update={"odometry": odometry}))
+        if self.encoders is not None:
+            object.__setattr__(self, "encoders", self.encoders.model_copy(update={"vehicle": vehicle}))
+        return self
+
     @property
     def text(self) -> str:
         """The configuration in force as canonical TOML; load_configuration_text gives it back."""
-        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True))
+        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True, exclude=HANDED_ON))
 
     @property
     def sha256(self) -> str:
@@ -65,25 +88,51 @@ def load_configuration(path: Path, overrides: Mapping[str, str] | None = None) -
         raise ConfigurationError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8 text") from error
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read ({error.strerror}); give the path of a TOML file") from error
-    return load_configuration_text(text, overrides, source=str(path))
+    return load_configuration_text(text, overrides, source=str(path), recorded=False)
 
 
 def load_configuration_text(
-    text: str, overrides: Mapping[str, str] | None = None, source: str = "configuration"
+    text: str, overrides: Mapping[str, str] | None = None, source: str = "configuration", recorded: bool = True
 ) -> Configuration:
-    """The same for text, for example out of a run's header."""
-    try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{source}: not valid TOML: {error}") from error
+    """The same for text. Out of a recorded run's header keys of the past are taken as well; in a file they are wrong,
+    and in overrides always.
+    """
+    tree = _parsed(text, source)
+    set_: Tree = {}
+    for key, value in (overrides or {}).items():
+        _set(set_, key, value)
+    if problems := [*refusals(set_), *([] if recorded else refusals(tree))]:
+        raise ConfigurationError("\n".join(f"{source}: {problem}" for problem in problems))
+    tree = translated(tree)[0] if recorded else tree
     for key, value in (overrides or {}).items():
         _set(tree, key, value)
+    if problems := [f"{key}: unknown key; the geometry stands in [vehicle]" for key in _handed_on(tree)]:
+        raise ConfigurationError("\n".join(f"{source}: {problem}" for problem in problems))
     try:
         # JSON mode: strict about types, yet lists fill tuples and words fill enumerations
         return Configuration.model_validate_json(json.dumps(tree, default=str), strict=True)
     except ValidationError as error:
         problems = "\n".join(f"{source}: {_sentence(problem)}" for problem in error.errors())
         raise ConfigurationError(problems) from error
+
+
+def _parsed(text: str, source: str) -> Tree:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{source}: not valid TOML: {error}") from error
+
+
+def _handed_on(tree: Tree) -> list[str]:
+    """Keys in the tree that are none: fields that are filled from [vehicle]."""
+    tables = {"slam.odometry": tree.get("slam", {}), "encoders": tree}
+    return [
+        f"{table}.{name}"
+        for table, names in (("slam.odometry", HANDED_ON["slam"]["odometry"]), ("encoders", HANDED_ON["encoders"]))
+        for above in [tables[table]]
+        if isinstance(above, dict) and isinstance(inner := above.get(table.split(".")[-1]), dict)
+        for name in sorted(names & inner.keys())
+    ]
 
 
 def _set(tree: Tree, key: str, text: str) -> None:

@@ -113,9 +113,9 @@ def check_real_time(priority: int) -> Finding:
 
 def check_calibration(configuration: Configuration) -> Finding:
     """Whether the geometry differs from what the program is delivered with."""
-    defaults = type(configuration.slam.odometry)()
+    vehicle = configuration.vehicle
     names = ("wheel_radius_left_m", "wheel_radius_right_m", "tread_m")
-    measured = any(getattr(configuration.slam.odometry, name) != getattr(defaults, name) for name in names)
+    measured = any(getattr(vehicle, name) != getattr(type(vehicle)(), name) for name in names)
     if measured:
         return Finding("calibration", Verdict.PASS, "wheel radii and tread are not those of the drawing")
     if configuration.simulation is not None:

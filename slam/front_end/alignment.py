@@ -15,10 +15,18 @@ from drivers.measurements import FloatArray, Scan, ScanLike
 from slam.front_end.alignment_kernels import surface_normals
 from slam.front_end.alignment_search import Search
 from slam.front_end.deskew import Beams, Twist, deskew
+from slam.front_end.differencing import LEAST_SUPPORT, OLDEST_S
 from slam.odometry.odometry import Increment
 from slam.pose import Pose2, wrap_rad
-from slam.settings.alignment import AlignmentSettings
 from slam.settings.front_end import FrontEndSettings
+
+PAST_SCANS = 5  # a scan is laid onto so many earlier ones (decision 0016)
+MOST_POINTS = 200  # at most so many beams of a scan are used
+WHEELS_SIGMA_M = 0.02  # m; over seconds the wheels and the laser's mount are not more exact
+WHEELS_SIGMA_RAD = 0.01  # rad; the same for turns
+LEAST_POINTS = 25  # with fewer points on surfaces nothing is refined
+LEAST_SHARE = 0.3  # nor with a smaller share of the points that came back
+WIDEST_SQUARE = 30.0  # nor where the result contradicts the wheels by this squared distance
 
 
 @dataclass(slots=True, eq=False)
@@ -40,11 +48,8 @@ class Alignment:
 
     def __init__(self, settings: FrontEndSettings, body_from_laser: Pose2) -> None:
         self._settings = settings
-        self._own: AlignmentSettings = settings.alignment
         self._body_from_laser = body_from_laser
-        self._past: deque[SeenFrom] = deque(
-            maxlen=max(1 + self._own.scans * (self._own.scans - 1) // 2, settings.least_support)
-        )
+        self._past: deque[SeenFrom] = deque(maxlen=max(1 + PAST_SCANS * (PAST_SCANS - 1) // 2, LEAST_SUPPORT))
         self._path_from_body = Pose2()
         self.refined = 0
 
@@ -53,7 +58,7 @@ class Alignment:
 
         Shown every scan once and in order. Raises ValueError when the bearings of a sparse scan do not increase.
         """
-        if not self._own.enabled or not isinstance(scan, Scan) or scan.ranges_m.size < 2:
+        if not self._settings.alignment.enabled or not isinstance(scan, Scan) or scan.ranges_m.size < 2:
             return increment
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
         now = SeenFrom(scan, twist, Pose2())
@@ -65,26 +70,25 @@ class Alignment:
 
     def _sparse(self, stamp_ns: int) -> bool:
         """True where one of the last scans that a vote needs is too old for it."""
-        oldest_ns = self._settings.oldest_s * 1e9
-        needed = list(self._past)[-self._settings.least_support :]
+        oldest_ns = OLDEST_S * 1e9
+        needed = list(self._past)[-LEAST_SUPPORT:]
         return any(stamp_ns - past.scan.stamp_ns > oldest_ns for past in needed)
 
     def _aligned(self, now: SeenFrom, increment: Increment) -> Increment:
         """The increment that lays the scan onto those before it; as it was where that cannot be told."""
-        own, prior = self._own, increment.mean
-        floor = np.array((own.wheels_sigma_m, own.wheels_sigma_m, own.wheels_sigma_rad)) ** 2
+        prior = increment.mean
+        floor = np.array((WHEELS_SIGMA_M, WHEELS_SIGMA_M, WHEELS_SIGMA_RAD)) ** 2
         covariance = increment.covariance + np.diag(floor)
         past = [seen for seen in self._references() if same_directions(seen.scan, now.scan)]
         beams = self._beams(now)
         returned = np.flatnonzero(~np.isnan(beams.ranges_m))
-        if not past or len(returned) < own.least_points or not np.isfinite(covariance).all():
+        if not past or len(returned) < LEAST_POINTS or not np.isfinite(covariance).all():
             return increment
-        points = beams.points_m[returned[:: -(-len(returned) // own.points)]]
+        points = beams.points_m[returned[:: -(-len(returned) // MOST_POINTS)]]
         past_from_body = [
             (seen.path_from_body @ self._body_from_laser).inverse() @ self._path_from_body for seen in past
         ]
         search = Search(
-            own,
             self._body_from_laser.transform(points),
             np.stack([self._beams(seen).points_m for seen in past]),
             np.stack([self._normals(seen) for seen in past]),
@@ -94,9 +98,9 @@ class Alignment:
         )
         motion, information, count = search.best(prior, covariance)
         off = motion - prior
-        if count < max(own.least_points, own.least_share * len(points)):
+        if count < max(LEAST_POINTS, LEAST_SHARE * len(points)):
             return increment
-        if not off @ np.linalg.solve(covariance, off) <= own.widest_square:  # also where it is NaN
+        if not off @ np.linalg.solve(covariance, off) <= WIDEST_SQUARE:  # also where it is NaN
             return increment
         self.refined += 1
         motion[2] = wrap_rad(float(motion[2]))
@@ -105,7 +109,7 @@ class Alignment:
 
     def _references(self) -> list[SeenFrom]:
         """The scan before, and older ones ever farther apart: what they see longest ties the path together."""
-        numbers = [1 + number * (number + 1) // 2 for number in range(self._own.scans)]
+        numbers = [1 + number * (number + 1) // 2 for number in range(PAST_SCANS)]
         return [self._past[-number] for number in numbers if number <= len(self._past)]
 
     def _beams(self, seen: SeenFrom) -> Beams:

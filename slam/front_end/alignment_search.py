@@ -11,8 +11,16 @@ import numpy as np
 
 from drivers.measurements import FloatArray
 from slam.front_end.alignment_kernels import descend
-from slam.settings.alignment import AlignmentSettings
 
+GATE_FIRST_M = 1.0  # points farther from the nearest surface are left out at first, m; what 10 deg move at 6 m
+GATE_LAST_M = 0.15  # the same at the end, m: five times the roughness of a wall
+STARTS = 3  # headings that the search starts from, up to three deviations from that of the wheels
+NARROWING_STEPS = 6  # steps from the first gate to the last
+FINAL_STEPS = 10  # at most so many steps at the last gate, all points
+COARSE_POINTS = 60  # at most so many points while the gate narrows
+SIGMA_M = 0.03  # distance of a point from a surface seen before, m: noise and clutter
+# so many neighbouring beams say the same thing; with 1 the covariance is still wide in simulation
+CORRELATED_BEAMS = 2.0
 START_DEVIATIONS = 3.0
 
 
@@ -20,7 +28,6 @@ START_DEVIATIONS = 3.0
 class Search:
     """The new scan's points (p, 2) in the body's frame and earlier scans as slam.alignment_kernels takes them."""
 
-    settings: AlignmentSettings
     points_m: FloatArray
     past_points_m: FloatArray
     past_normals: FloatArray
@@ -34,11 +41,10 @@ class Search:
         prior (3,) x m, y m, heading rad with covariance (3, 3), positive definite. The starts differ in heading, and
         in the position that goes with it.
         """
-        own = self.settings
         information = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-        narrowing = np.geomspace(own.gate_first_m, own.gate_last_m, own.narrowing_steps)
-        coarse = max(1, -(-len(self.points_m) // own.coarse_points))
-        offsets = np.linspace(-START_DEVIATIONS, START_DEVIATIONS, own.starts) if own.starts > 1 else np.zeros(1)
+        narrowing = np.geomspace(GATE_FIRST_M, GATE_LAST_M, NARROWING_STEPS)
+        coarse = max(1, -(-len(self.points_m) // COARSE_POINTS))
+        offsets = np.linspace(-START_DEVIATIONS, START_DEVIATIONS, STARTS) if STARTS > 1 else np.zeros(1)
         least, best = math.inf, prior
         for off in offsets:
             motion = prior + off * covariance[:, 2] / math.sqrt(covariance[2, 2])
@@ -46,7 +52,7 @@ class Search:
             if cost < least:
                 least, best = cost, motion
         motion = best.copy()
-        posterior, count, _ = self._descend(prior, information, motion, 1, np.full(own.final_steps, own.gate_last_m))
+        posterior, count, _ = self._descend(prior, information, motion, 1, np.full(FINAL_STEPS, GATE_LAST_M))
         return motion, posterior, count
 
     def _descend(
@@ -65,8 +71,8 @@ class Search:
             prior,
             information,
             gates_m,
-            self.settings.sigma_m,
-            self.settings.correlated_beams,
+            SIGMA_M,
+            CORRELATED_BEAMS,
             motion,
             posterior,
         )

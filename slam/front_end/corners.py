@@ -11,8 +11,16 @@ import numpy as np
 from drivers.measurements import FloatArray, IntArray
 from slam.compiled import kernel
 from slam.front_end.deskew import Beams
-from slam.front_end.trunks import clear_beside
+from slam.front_end.trunks import GUARD_BEAMS, PROMINENCE_M, clear_beside
 from slam.settings.front_end import FrontEndSettings
+
+LINE_SPLIT_M = 0.08  # a wall bends where a point is so far off the chord, m
+LINE_RMS_M = 0.03  # RMS distance from a line, m, beyond which it is taken for a hedge
+LINE_BEAMS = 4  # least number of beams on a wall
+LINE_M = 0.2  # least length of a wall, m
+CORNER_RAD = 0.7  # least turn of a wall at a corner, rad
+END_SPACING_M = 0.12  # a wall's end is used if its beams are so close there, m
+SIGMA_CORNER_M = 0.02  # how far a corner is from the meeting of two lines, m; real ones are blunt
 
 
 @kernel
@@ -251,17 +259,17 @@ def corners(beams: Beams, runs: IntArray, settings: FrontEndSettings) -> FloatAr
         beams.ranges_m,
         runs,
         beams.spacing_rad,
-        settings.guard_beams,
-        settings.prominence_m,
+        GUARD_BEAMS,
+        PROMINENCE_M,
         settings.width_max_m,
-        settings.line_split_m,
-        settings.line_rms_m + settings.sigma_range_m,
-        settings.line_beams,
-        settings.line_m,
-        math.sin(settings.corner_rad),
-        settings.end_spacing_m,
+        LINE_SPLIT_M,
+        LINE_RMS_M + settings.sigma_range_m,
+        LINE_BEAMS,
+        LINE_M,
+        math.sin(CORNER_RAD),
+        END_SPACING_M,
         settings.sigma_range_m**2,
-        settings.sigma_corner_m**2,
+        SIGMA_CORNER_M**2,
         found,
     )
     return found[:count]

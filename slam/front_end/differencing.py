@@ -16,7 +16,16 @@ from slam.compiled import kernel
 from slam.front_end.deskew import Beams
 from slam.observations import BeamVerdict
 from slam.pose import Pose2
-from slam.settings.front_end import FrontEndSettings
+
+DIFFERENCE_M = 0.1  # paper: equal beams of two scans differ by less, m; not given in print
+YOUNGEST_S = 0.4  # age from which a scan is compared with, s; 0.5 s is a walker's step
+OLDEST_S = 1.1  # age up to which a scan is compared with, s; odometry is good so long
+VOTES = 5  # at most so many earlier scans are compared with
+SUPPORT_SHARE = 0.65  # least share of the scans that looked there and found it there too
+LEAST_SUPPORT = 2  # least number of scans that found it there too, where so many were compared
+TOLERANCE_M = 0.12  # there means within this distance, m; a fifth of what a walker goes in 0.5 s
+TOLERANCE_RAD = 0.006  # and this much more per metre of range: heading error of odometry over 1 s, rad
+FEATURE_TOLERANCE_M = 0.08  # the same for features, m: twice the spread of a trunk's centre and a slip of 1 percent
 
 CountArray = NDArray[np.int64]
 NANOSECOND_S = 1e-9
@@ -59,20 +68,19 @@ class Vote:
     looked: CountArray
     voters: int
 
-    def licences(self, extents: CountArray, settings: FrontEndSettings) -> BoolArray:
+    def licences(self, extents: CountArray) -> BoolArray:
         """(k,) True where the feature, and half of the returns from its first to its last beam (k, 2), were found
         again by enough voters."""
         licensed = np.empty(len(extents), dtype=np.bool_)
-        least = min(settings.least_support, self.voters)
-        _license(self.verdicts, self.found_again, self.looked, extents, least, settings.support_share, licensed)
+        least = min(LEAST_SUPPORT, self.voters)
+        _license(self.verdicts, self.found_again, self.looked, extents, least, SUPPORT_SHARE, licensed)
         return licensed
 
 
 class CompensatedVote:
     """Remembers the scans of about the last second and lets those that are old enough vote on a new one."""
 
-    def __init__(self, settings: FrontEndSettings) -> None:
-        self._settings = settings
+    def __init__(self) -> None:
         self._past: deque[PlacedScan] = deque()
 
     def ask(self, placed: PlacedScan) -> Vote:
@@ -81,7 +89,7 @@ class CompensatedVote:
         A place counts as found again by a scan that has a return within the tolerance of it; a scan that looked
         through it counts against it; a scan whose view of it was blocked has no vote.
         """
-        settings, beams = self._settings, placed.beams
+        beams = placed.beams
         voters = self._voters(beams.stamp_ns)
         found = np.zeros(len(beams), dtype=np.int64)
         looked = np.zeros(len(beams), dtype=np.int64)
@@ -94,8 +102,8 @@ class CompensatedVote:
                 past.beams.ranges_m,
                 past.beams.rays,
                 past_from_now.as_array(),
-                settings.tolerance_m,
-                settings.tolerance_rad + 0.5 * past.beams.spacing_rad,
+                TOLERANCE_M,
+                TOLERANCE_RAD + 0.5 * past.beams.spacing_rad,
                 past.beams.spacing_rad,
                 found,
                 looked,
@@ -103,24 +111,24 @@ class CompensatedVote:
             _find_again(
                 past_from_now.transform(placed.features_m),
                 past.features_m,
-                settings.feature_tolerance_m,
-                settings.tolerance_rad + 0.5 * past.beams.spacing_rad,
+                FEATURE_TOLERANCE_M,
+                TOLERANCE_RAD + 0.5 * past.beams.spacing_rad,
                 found_again,
             )
-        least = min(settings.least_support, len(voters))
+        least = min(LEAST_SUPPORT, len(voters))
         verdicts = np.empty(len(beams), dtype=np.uint8)
-        _judge(beams.ranges_m, found, looked, max(least, 1), settings.support_share, verdicts)
+        _judge(beams.ranges_m, found, looked, max(least, 1), SUPPORT_SHARE, verdicts)
         self._remember(placed)
         return Vote(verdicts, found_again, looked, len(voters))
 
     def _voters(self, stamp_ns: int) -> list[PlacedScan]:
-        low, high = self._settings.youngest_s / NANOSECOND_S, self._settings.oldest_s / NANOSECOND_S
+        low, high = YOUNGEST_S / NANOSECOND_S, OLDEST_S / NANOSECOND_S
         ages = [(stamp_ns - past.beams.stamp_ns, past) for past in self._past if len(past.beams)]
         old_enough = [past for age, past in ages if low <= age <= high]
-        if len(old_enough) <= self._settings.votes:
+        if len(old_enough) <= VOTES:
             return old_enough
-        step = len(old_enough) / self._settings.votes
-        return [old_enough[int((number + 0.5) * step)] for number in range(self._settings.votes)]
+        step = len(old_enough) / VOTES
+        return [old_enough[int((number + 0.5) * step)] for number in range(VOTES)]
 
     def _remember(self, placed: PlacedScan) -> None:
         stamp_ns = placed.beams.stamp_ns
@@ -128,7 +136,7 @@ class CompensatedVote:
             if stamp_ns == self._past[-1].beams.stamp_ns:
                 return
             self._past.clear()  # time ran backwards: what was remembered belongs to another run
-        oldest_ns = self._settings.oldest_s / NANOSECOND_S
+        oldest_ns = OLDEST_S / NANOSECOND_S
         while self._past and stamp_ns - self._past[0].beams.stamp_ns > oldest_ns:
             self._past.popleft()
         self._past.append(placed)

@@ -7,8 +7,8 @@ import numpy as np
 from drivers.measurements import FloatArray, IntArray, Scan, ScanLike, Sightings, VerdictArray
 from slam.front_end.corners import corners
 from slam.front_end.deskew import Beams, Twist, deskew
-from slam.front_end.differencing import CompensatedVote, PlacedScan, equal_angle_difference
-from slam.front_end.spacing import range_extrema, spaced
+from slam.front_end.differencing import DIFFERENCE_M, CompensatedVote, PlacedScan, equal_angle_difference
+from slam.front_end.spacing import SPACING_M, range_extrema, spaced
 from slam.front_end.trunks import runs_of_beams, trunk_variances, trunks
 from slam.observations import BeamVerdict, Features
 from slam.pose import Pose2
@@ -89,7 +89,7 @@ class PaperFrontEnd:
         before, self._before = self._before, scan
         if not self._difference or at_rest:
             before = None
-        verdicts = equal_angle_difference(scan, before, settings.difference_m)
+        verdicts = equal_angle_difference(scan, before, DIFFERENCE_M)
         ranges = scan.ranges_m.astype(np.float64)
         limit = min(settings.range_max_m, scan.range_max_m)
         usable = (ranges >= settings.range_min_m) & (ranges < limit)
@@ -98,7 +98,7 @@ class PaperFrontEnd:
         beams = range_extrema(ranges, usable)
         if self._sparse and beams.size:
             points = _points(ranges[beams], scan.bearings_rad[beams])
-            beams = beams[spaced(points, np.arange(beams.size), settings.spacing_m)]
+            beams = beams[spaced(points, np.arange(beams.size), SPACING_M)]
         features = Features(
             scan.stamp_ns,
             ranges[beams],
@@ -118,7 +118,7 @@ class RobustFrontEnd:
         self._settings = settings
         self._sparse = sparse
         self._body_from_laser = body_from_laser
-        self._vote = CompensatedVote(settings) if difference else None
+        self._vote = CompensatedVote() if difference else None
 
     def observe(
         self, scan: ScanLike, odom_from_body: Pose2, twist: Twist, at_rest: bool
@@ -141,7 +141,7 @@ class RobustFrontEnd:
             vote = self._vote.ask(PlacedScan(beams, points, odom_from_body @ self._body_from_laser))
             verdicts = vote.verdicts
             if vote.voters and not at_rest:
-                licensed = vote.licences(extents, settings)
+                licensed = vote.licences(extents)
         covariances = np.empty((count, 2, 2))
         covariances[:, 0, 0], covariances[:, 1, 1] = rows[:, 2], rows[:, 4]
         covariances[:, 0, 1] = covariances[:, 1, 0] = rows[:, 3]
@@ -161,7 +161,7 @@ class RobustFrontEnd:
     def _features(self, beams: Beams) -> tuple[FloatArray, IntArray]:
         """Rows (k, 5) range, bearing, variance, covariance, variance, and (k, 2) first and last beam."""
         settings = self._settings
-        runs = runs_of_beams(beams, settings)
+        runs = runs_of_beams(beams)
         narrow = trunks(beams, runs, settings)
         variances = trunk_variances(narrow, beams.spacing_rad, settings)
         rows = np.column_stack((narrow[:, :2], variances[:, 0], np.zeros(len(narrow)), variances[:, 1]))
@@ -175,7 +175,7 @@ class RobustFrontEnd:
             rows, extents = np.vstack((rows, walls[:, :5])), np.vstack((extents, walls[:, 5:7]))
         if self._sparse and len(rows):
             order = np.argsort(rows[:, 2] + rows[:, 0] ** 2 * rows[:, 4], kind="stable")
-            kept = spaced(_points(rows[:, 0], rows[:, 1]), order, settings.spacing_m)
+            kept = spaced(_points(rows[:, 0], rows[:, 1]), order, SPACING_M)
             rows, extents = rows[kept], extents[kept]
         return rows, extents.astype(np.int64)
 

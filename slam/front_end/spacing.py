@@ -5,6 +5,8 @@ import numpy as np
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.compiled import kernel
 
+SPACING_M = 0.1  # technique 2: least distance of two features, m; paper: 0.10
+
 
 @kernel
 def _spaced(points_m: FloatArray, order: IntArray, spacing_m: float, kept: BoolArray) -> None:

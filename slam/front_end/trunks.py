@@ -9,6 +9,13 @@ from slam.compiled import kernel
 from slam.front_end.deskew import Beams
 from slam.settings.front_end import FrontEndSettings
 
+GAP_M = 0.1  # neighbouring returns farther apart are of two things, m, plus GAP_BEAMS
+GAP_BEAMS = 3.0  # times the beams' own distance at that range; 3 follows a wall up to 70 deg of incidence
+BRIDGE_BEAMS = 1  # so many empty beams do not end a segment
+GUARD_BEAMS = 2  # so many beams beside a segment must not fall on anything near it
+PROMINENCE_M = 0.3  # what is beside a segment is behind it by this, m
+THIN_PROMINENCE_M = 0.6  # the same for segments of one or two beams, m: noise has such dips too
+ROUGHNESS = 0.12  # RMS distance from a round trunk, in radii, beyond which a segment is none; a flat board has 0.22
 SET_BACK = math.pi / 4.0  # mean over a round face of its depth before the centre, in radii
 
 
@@ -34,11 +41,11 @@ def _runs(
     return count
 
 
-def runs_of_beams(beams: Beams, settings: FrontEndSettings) -> IntArray:
+def runs_of_beams(beams: Beams) -> IntArray:
     """(s, 2) first and last beam of every run whose neighbours lie close to each other, in order of the beams."""
     runs = np.empty((len(beams), 2), dtype=np.int64)
-    gap_per_m = settings.gap_beams * beams.spacing_rad
-    count = _runs(beams.points_m, beams.ranges_m, settings.gap_m, gap_per_m, settings.bridge_beams, runs)
+    gap_per_m = GAP_BEAMS * beams.spacing_rad
+    count = _runs(beams.points_m, beams.ranges_m, GAP_M, gap_per_m, BRIDGE_BEAMS, runs)
     return runs[:count]
 
 
@@ -137,10 +144,10 @@ def trunks(beams: Beams, runs: IntArray, settings: FrontEndSettings) -> FloatArr
         beams.spacing_rad,
         settings.sigma_range_m,
         settings.width_max_m,
-        settings.prominence_m,
-        settings.thin_prominence_m,
-        settings.guard_beams,
-        settings.roughness,
+        PROMINENCE_M,
+        THIN_PROMINENCE_M,
+        GUARD_BEAMS,
+        ROUGHNESS,
         found,
     )
     return found[:count]

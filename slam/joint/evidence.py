@@ -12,6 +12,8 @@ from slam.visibility import NO_SIGHT, in_clear_view, sensor_pose
 
 KNOWN, FOUND, MISSED, SQUARES = range(4)
 
+SETTLED_SCANS = 30  # scans after which a landmark speaks for or against the pose: a walker has gone by then
+
 
 @dataclass(frozen=True, slots=True)
 class Evidence:

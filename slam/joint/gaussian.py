@@ -5,6 +5,7 @@ The particles' own covariance is hundreds of times too small, because resampling
 """
 
 import math
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.estimate import LandmarkMap
 from slam.joint.association import PENDING, Gates, follow
 from slam.joint.atlas import AWAY
-from slam.joint.evidence import TRUSTED, Evidence, Standing, weigh
+from slam.joint.evidence import SETTLED_SCANS, TRUSTED, Evidence, Standing, weigh
 from slam.joint.kernels import predict, update
 from slam.joint.measurement import FIRST_PLACE
 from slam.joint.neighbours import block, overdue, places_within
@@ -25,20 +26,46 @@ from slam.settings.slam import SlamSettings
 from slam.settings.tuning import Tuning
 from slam.visibility import NO_SIGHT, sensor_pose
 
+MATCH_WIDEST_SQUARE = 13.816  # the widest gate: 99.9 % of true matches
+SLIP_SQUARE = 100.0  # gate within which an old landmark is looked for when most are not where the wheels say
+CREATE_SQUARE = 25.0  # a feature nearer than this to a landmark creates none: it may be that landmark
+CONFIRMED_LOG_ODDS = 3.0  # a landmark that leaves the view below this is forgotten: a chance point
 IDENTITIES_PER_SCAN = 4096  # as in the particles' maps, so that identities of both can be compared
 SMALLEST_VARIANCE = 1e-12  # m^2 and rad^2: keeps the published covariance positive where the map frame is defined
 SHIFTED_M = 1.0  # a jump of the pose after which far landmarks are sorted into cells anew
 
 
+class Variant(NamedTuple):
+    """What the filter could do otherwise; the defaults are decisions 0010 and 0011, tests show what the others cost.
+
+    association: who decides which feature is which landmark; the best particle's slips would be inherited.
+    creation: which features may start a landmark; "any" lets walking people drag the pose.
+    jacobians: where derivatives are taken; "current" alone grows overconfident in heading.
+    """
+
+    association: Literal["own", "particles"] = "own"
+    creation: Literal["any", "licensed"] = "licensed"
+    jacobians: Literal["invariant", "first_estimates", "current"] = "invariant"
+
+
+DECIDED = Variant()
+
+
 class JointGaussian:
     """Extended Kalman filter over pose and landmarks with the paper's landmark management."""
 
-    def __init__(self, settings: JointSettings, body_from_laser: Pose2, tuning: Tuning | None = None) -> None:
-        self._settings = settings
+    def __init__(
+        self,
+        settings: JointSettings,
+        body_from_laser: Pose2,
+        tuning: Tuning | None = None,
+        variant: Variant = DECIDED,
+    ) -> None:
+        self._variant = variant
         self._mount = body_from_laser.as_array()
         self._tuning = SlamSettings().tuning() if tuning is None else tuning
-        self._invariant = settings.jacobians == "invariant"
-        self._first = settings.jacobians == "first_estimates"
+        self._invariant = variant.jacobians == "invariant"
+        self._first = variant.jacobians == "first_estimates"
         self._reach_m = self._tuning.range_max_m + self._tuning.range_margin_m
         self._state = JointState(settings, self._reach_m, self._tuning.cell_m)
         self._jump = np.zeros(2)
@@ -85,7 +112,7 @@ class JointGaussian:
     ) -> IntArray:
         """One scan; increment (3,) and (3, 3) since the last one in the body frame of then.
 
-        hints (K,): identities or verdicts of the best particle, used where settings say so. sight: the scan itself as
+        hints (K,): identities or verdicts of the best particle, for a variant. sight: the scan itself as
         slam.kernels takes it, for what should have been seen. Returns this filter's own identities or verdicts (K,).
         A feature that is not finite or whose covariance is not positive definite is refused, counted, and OUT_OF_RANGE.
         standing: what the scans before said about the pose; while it is lost, nothing is written into the map.
@@ -95,7 +122,7 @@ class JointGaussian:
         self._predict(increment_mean, increment_covariance)
         state.bring_back()
         usable = self._usable(features)
-        rows = _feature_rows(features, usable, at_rest or self._settings.creation == "any")
+        rows = _feature_rows(features, usable, at_rest or self._variant.creation == "any")
         sensor = sensor_pose(state.mean, self._mount)
         places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
         chosen = self._associate(rows, features.identities[usable], hints[usable], places)
@@ -147,22 +174,22 @@ class JointGaussian:
         return np.flatnonzero(usable)[:IDENTITIES_PER_SCAN]
 
     def _associate(self, rows: FloatArray, identities: IntArray, hints: IntArray, places: IntArray) -> IntArray:
-        settings, state = self._settings, self._state
-        told = identities if (identities >= 0).any() else hints if settings.association == "particles" else None
+        tuning, state = self._tuning, self._state
+        told = identities if (identities >= 0).any() else hints if self._variant.association == "particles" else None
         if told is None:
             gates = Gates(
-                settings.match_base_square,
-                settings.match_per_metre_square if self._tuning.density else 0.0,
-                settings.match_widest_square,
-                settings.create_square,
+                tuning.match_square,
+                tuning.match_per_metre_square if tuning.density else 0.0,
+                MATCH_WIDEST_SQUARE,
+                CREATE_SQUARE,
             )
-            old = self._settled(places, self.scans - settings.settled_scans)
+            old = self._settled(places, self.scans - SETTLED_SCANS)
             return associate_with_slip(
-                state.mean, state.covariance, state.size, self._mount, places, old, rows, gates, settings.slip_square
+                state.mean, state.covariance, state.size, self._mount, places, old, rows, gates, SLIP_SQUARE
             )
         order = np.argsort(rows[:, 0], kind="stable")
         mean, covariance = block(state.mean, state.covariance, places)
-        gate = settings.match_known_square if told is identities else settings.match_widest_square
+        gate = tuning.match_known_square if told is identities else MATCH_WIDEST_SQUARE
         theirs = state.atlas.identities[state.rows_at(places)]
         chosen = np.full(len(rows), PENDING, dtype=np.int64)
         follow(mean, covariance, self._mount, theirs, rows, order, told, gate, chosen)
@@ -207,7 +234,7 @@ class JointGaussian:
         atlas.log_odds[near] = log_odds
         if not tuning.existence:
             return
-        bound = np.full(state.count, self._settings.confirmed_log_odds)
+        bound = np.full(state.count, CONFIRMED_LOG_ODDS)
         bound[(places - FIRST_PLACE) // 2] = tuning.log_odds_remove
         for number in np.flatnonzero(atlas.log_odds[state.rows] < bound)[::-1].tolist():
             state.remove(number)
@@ -218,7 +245,7 @@ class JointGaussian:
         for index in np.flatnonzero(chosen == int(MatchVerdict.NEW)).tolist():
             feature = int(usable[index])
             known = int(identities[feature])
-            if known < 0 and self._settings.association == "particles":
+            if known < 0 and self._variant.association == "particles":
                 known = int(hints[feature])
             identity = known if known >= 0 else self.scans * IDENTITIES_PER_SCAN + feature
             self._state.create(identity, self._tuning.log_odds_new, self._mount, rows[index])

@@ -14,6 +14,9 @@ from slam.joint.measurement import FIRST_PLACE
 from slam.joint.window import ORPHAN, least_needed, nearest_places, regress, restore
 from slam.settings.joint import JointSettings
 
+DISTANCE_SCALE_SIGMA = 0.02  # standard deviation of a constant relative error of every distance driven
+TURN_SCALE_SIGMA = 0.02  # standard deviation of a constant relative error of every turn
+CURVATURE_SIGMA_RADPM = 0.001  # rad/m; standard deviation of a constant pull to one side
 FIRST_ROOM = 64
 LOOK_EVERY_M = 2.0  # the rover moves this far before landmarks come back again
 KEEP_M = 10.0  # beyond what can be in view: what just came back does not leave at once
@@ -33,7 +36,7 @@ class JointState:
         self._looked_at: tuple[float, float] | None = None
         self.mean = np.zeros(FIRST_PLACE + 2 * FIRST_ROOM)
         self.covariance = np.zeros((len(self.mean), len(self.mean)))
-        constants = (settings.distance_scale_sigma, settings.turn_scale_sigma, settings.curvature_sigma_radpm)
+        constants = (DISTANCE_SCALE_SIGMA, TURN_SCALE_SIGMA, CURVATURE_SIGMA_RADPM)
         self.covariance[range(3, FIRST_PLACE), range(3, FIRST_PLACE)] = np.square(constants)
         self.linearised_at = np.zeros_like(self.mean)
         self.atlas = Atlas(cell_m)

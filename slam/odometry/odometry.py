@@ -13,8 +13,10 @@ from slam.odometry.motion import ARC, DIFFERENTIAL, RATES, SEGMENT_COLUMNS, STEE
 from slam.odometry.wheel_segments import SAMPLE_KIND, Cursor, Segmenter, Segments
 from slam.pose import Pose2
 from slam.settings.odometry import OdometrySettings
-from slam.settings.sigma_points import UnscentedSettings, unscented_weights
+from slam.settings.sigma_points import unscented_weights
 
+MAX_YAW_RATE_RADPS = 10.0  # rad/s beyond which a measured yaw rate is refused
+REST_TOLERANCE_COUNTS = 1.0  # counts per scan that still are standing still: an encoder at an edge toggles by one
 FARTHEST = 1e12  # counts or metres beyond which a total is garbage
 STEEPEST_RAD = 1.4
 LONG_QUEUE = 150  # samples; 3 s at 50 Hz
@@ -85,10 +87,10 @@ class Travel:
 class Odometry:
     """Takes wheel samples as they come and gives the motion up to any stamp, exact arcs and interpolation included."""
 
-    def __init__(self, settings: OdometrySettings, unscented: UnscentedSettings) -> None:
+    def __init__(self, settings: OdometrySettings) -> None:
         self._settings = settings
         self._segmenter = Segmenter(settings)
-        self._weights = unscented_weights(5, unscented)
+        self._weights = unscented_weights(5)
         self._model = MODELS[settings.model]
         self._kind = SAMPLE_KIND[settings.model]
         self._geometries = _geometries(settings)
@@ -147,10 +149,10 @@ class Odometry:
         if not all(abs(getattr(sample, field.name)) < FARTHEST for field in fields(sample)[1:]):
             return False
         if isinstance(sample, SpeedSteering):
-            return abs(sample.speed_mps) <= self._settings.max_speed_mps and abs(sample.steering_rad) < STEEPEST_RAD
+            return abs(sample.speed_mps) <= self._settings.jump_speed_mps and abs(sample.steering_rad) < STEEPEST_RAD
         if isinstance(sample, SpeedYawRate):
-            limit = self._settings.max_yaw_rate_radps
-            return abs(sample.speed_mps) <= self._settings.max_speed_mps and abs(sample.yaw_rate_radps) <= limit
+            limit = MAX_YAW_RATE_RADPS
+            return abs(sample.speed_mps) <= self._settings.jump_speed_mps and abs(sample.yaw_rate_radps) <= limit
         return True
 
     def _add(self, travel: "Travel", segments: Segments) -> None:
@@ -182,7 +184,7 @@ class Odometry:
 
     def _rests(self, travel: "Travel") -> bool:
         """Whether the wheels say that nothing has moved."""
-        tolerance = self._settings.rest_tolerance_counts if self._model == DIFFERENTIAL else 0.0
+        tolerance = REST_TOLERANCE_COUNTS if self._model == DIFFERENTIAL else 0.0
         still = float(travel.counts.max()) <= tolerance or not travel.moved
         return travel.known and travel.began and still
 

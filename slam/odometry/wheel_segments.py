@@ -11,6 +11,9 @@ from slam.odometry.motion import SEGMENT_COLUMNS
 from slam.pose import wrap_rad
 from slam.settings.odometry import OdometrySettings
 
+GAP_SPEED_MPS = 0.5  # m/s, standard deviation of the speed while it is unknown
+GAP_YAW_RATE_RADPS = 0.5  # rad/s, the same for the yaw rate
+EXTRAPOLATION_S = 0.1  # s for which the last speed is carried on past the last sample
 NANOSECOND_S = 1e-9
 LONGEST_S = 60.0  # after a minute without wheels the rover is lost, and more variance says nothing more
 SHORTEST_S = 0.02  # counts that arrive in a bunch are not a jump
@@ -111,7 +114,7 @@ class Segmenter:
             rows.append(self._unknown(duration - held))
             return fresh, duration - held <= 0.0, 0
         whole = self._difference(cursor.measured, sample)
-        if max(abs(whole[0]), abs(whole[1])) > self._settings.max_speed_mps * max(silence, SHORTEST_S):
+        if max(abs(whole[0]), abs(whole[1])) > self._settings.jump_speed_mps * max(silence, SHORTEST_S):
             rows.append(self._unknown(duration))
             return Cursor(stamp_ns, sample, sample), False, 1
         rate = (whole[0] / silence, whole[1] / silence, whole[2] / silence)
@@ -155,7 +158,7 @@ class Segmenter:
             motion = (motion[0] * fraction, motion[1] * fraction, motion[2] * fraction)
             carried = duration
         else:
-            carried = min(duration, max(0.0, settings.extrapolation_s - since))
+            carried = min(duration, max(0.0, EXTRAPOLATION_S - since))
             motion = (cursor.rate[0] * carried, cursor.rate[1] * carried, cursor.rate[2] * carried)
         rows.append(self._moved(carried, motion, 0.0))
         rows.append(self._unknown(duration - carried))
@@ -200,8 +203,8 @@ class Segmenter:
     def _unknown(self, duration: float) -> tuple[float, ...]:
         """Nothing is known of this time: no motion, and a variance that says so."""
         blind = min(duration, LONGEST_S)
-        distance = (self._settings.gap_speed_mps * blind) ** 2
-        heading = (self._settings.gap_yaw_rate_radps * blind) ** 2
+        distance = (GAP_SPEED_MPS * blind) ** 2
+        heading = (GAP_YAW_RATE_RADPS * blind) ** 2
         return (duration, 0.0, 0.0, 0.0, 0.0, 0.0, distance, distance, heading)
 
     def _held(self, sample: WheelSample, duration: float) -> tuple[float, ...]:
@@ -234,8 +237,8 @@ class Segmenter:
             variances = (slip * rolled, settings.heading_rad_per_sqrt_rad**2 * abs(second))
         sideways, heading = self._floors(rolled)
         blind = min(gap, LONGEST_S)
-        forward = (settings.gap_speed_mps * blind) ** 2
-        heading += (settings.gap_yaw_rate_radps * blind) ** 2
+        forward = (GAP_SPEED_MPS * blind) ** 2
+        heading += (GAP_YAW_RATE_RADPS * blind) ** 2
         return (duration, first, second, lateral, *variances, forward, sideways + forward, heading)
 
     def _rest_of_gap(
@@ -249,8 +252,8 @@ class Segmenter:
         settings = self._settings
         row = list(self._moved(duration, (rate[0] * duration, rate[1] * duration, 0.0), 0.0))
         shape = GAP_SHAPE * 0.5 * (abs(rate[0]) + abs(rate[1])) * silence
-        forward = min(0.5 * abs(uneven[0] + uneven[1]), settings.gap_speed_mps * duration)
-        turn = min(abs(uneven[1] - uneven[0]) / settings.tread_m, settings.gap_yaw_rate_radps * duration)
+        forward = min(0.5 * abs(uneven[0] + uneven[1]), GAP_SPEED_MPS * duration)
+        turn = min(abs(uneven[1] - uneven[0]) / settings.tread_m, GAP_YAW_RATE_RADPS * duration)
         share = duration / silence
         row[6] += (shape * share) ** 2 + forward**2
         row[7] += (shape * share) ** 2

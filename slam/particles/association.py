@@ -78,7 +78,7 @@ def best_landmark(
 @leaf
 def verdict_without_match(licensed: bool, least: float, excluded: bool, tuning: Tuning) -> int:
     """What becomes of a feature that matched nothing: EXCLUDED may still create, AMBIGUOUS and UNLICENSED may not."""
-    if tuning.density and least < tuning.create_distance:
+    if tuning.density and least < tuning.create_square:
         return EXCLUDED if excluded else AMBIGUOUS
     return NEW if licensed else UNLICENSED
 
@@ -101,7 +101,7 @@ def associate_sequentially(
     """
     used = np.zeros(candidates.shape[0], dtype=np.bool_)
     columns = gate_columns(candidates)
-    widest = max(-2.0 * tuning.match_floor, tuning.create_distance) if tuning.density else -2.0 * tuning.match_fixed
+    widest = max(tuning.match_widest_square, tuning.create_square) if tuning.density else tuning.match_fixed_square
     log_weight, evaluated = 0.0, 0
     chosen[:] = PENDING
     root = np.empty((3, 3))
@@ -201,7 +201,7 @@ def associate_simultaneously(
     used = np.zeros(candidates.shape[0], dtype=np.bool_)
     columns = gate_columns(candidates)
     distances = np.empty(count)
-    widest = max(-2.0 * tuning.match_floor, tuning.create_distance) if tuning.density else -2.0 * tuning.match_fixed
+    widest = max(tuning.match_widest_square, tuning.create_square) if tuning.density else tuning.match_fixed_square
     root = np.empty((3, 3))
     pose_root_into(covariance, root)
     evaluated = 0
@@ -257,6 +257,6 @@ def associate_by_identity(
                 sighting = sighting_of(features, feature)
                 moments = moments_of(pose, covariance, root, mount, candidates[index], sighting, tuning)
                 evaluated += 1
-                matches = squared_distance(moments, sighting) <= -2.0 * tuning.match_known
+                matches = squared_distance(moments, sighting) <= tuning.match_known_square
                 chosen[feature] = index if matches else AMBIGUOUS
     return evaluated

@@ -41,7 +41,7 @@ class FastSlam:
         self._generator = generator
         self._tuning = settings.tuning()
         self._mount = settings.mount.as_pose().as_array()
-        self.store = LandmarkStore(settings.particles, settings.cell_m)
+        self.store = LandmarkStore(settings.particles, self._tuning.cell_m)
         self.poses = np.zeros((settings.particles, 3))
         self.log_weights = np.zeros(settings.particles)
         self.weights = normalised(self.log_weights)

@@ -38,7 +38,7 @@ def moments_of(
 @inlined
 def accepts(distance: float, candidates: FloatArray, chosen: int, tuning: Tuning) -> bool:
     """True if a squared distance is within the bound for this landmark; what the densest place accepts, all do."""
-    if tuning.density and distance <= -2.0 * tuning.match_base:
+    if tuning.density and distance <= tuning.match_square:
         return True
     return distance <= match_bound(candidates, chosen, tuning)
 
@@ -50,14 +50,14 @@ def match_bound(candidates: FloatArray, chosen: int, tuning: Tuning) -> float:
     As a squared Mahalanobis distance; d_min is the distance to the nearest other landmark.
     """
     if not tuning.density:
-        return -2.0 * tuning.match_fixed
+        return tuning.match_fixed_square
     nearest = math.inf
     for other in range(candidates.shape[0]):
         dx, dy = candidates[other, 0] - candidates[chosen, 0], candidates[other, 1] - candidates[chosen, 1]
         square = dx * dx + dy * dy
         if other != chosen and square < nearest:
             nearest = square
-    return -2.0 * max(tuning.match_base - tuning.match_per_metre * math.sqrt(nearest), tuning.match_floor)
+    return min(tuning.match_square + tuning.match_per_metre_square * math.sqrt(nearest), tuning.match_widest_square)
 
 
 @leaf

@@ -3,19 +3,9 @@
 import math
 from typing import NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field
-
-
-class UnscentedSettings(BaseModel):
-    """Spread of the sigma points."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    alpha: float = Field(default=0.9, gt=0, le=2, description="spread; 0.9 is what the published code runs with")
-    beta: float = Field(
-        default=2.0, ge=0, le=10, description="weight of the centre in the covariance; 2 is right for a Gaussian"
-    )
-    kappa: float = Field(default=0.0, ge=-2.9, le=10, description="second scale; 0 as published")
+ALPHA = 0.9  # spread; what the published code runs with
+BETA = 2.0  # weight of the centre in the covariance; right for a Gaussian
+KAPPA = 0.0  # second scale, as published
 
 
 class UnscentedWeights(NamedTuple):
@@ -27,10 +17,10 @@ class UnscentedWeights(NamedTuple):
     other: float
 
 
-def unscented_weights(dimension: int, settings: UnscentedSettings) -> UnscentedWeights:
+def unscented_weights(
+    dimension: int, alpha: float = ALPHA, beta: float = BETA, kappa: float = KAPPA
+) -> UnscentedWeights:
     """Equations (7) and (8) for a state of `dimension` numbers."""
-    spread = settings.alpha**2 * (dimension + settings.kappa)
+    spread = alpha**2 * (dimension + kappa)
     mean_centre = (spread - dimension) / spread
-    return UnscentedWeights(
-        math.sqrt(spread), mean_centre, mean_centre + 1.0 - settings.alpha**2 + settings.beta, 0.5 / spread
-    )
+    return UnscentedWeights(math.sqrt(spread), mean_centre, mean_centre + 1.0 - alpha**2 + beta, 0.5 / spread)

@@ -1,4 +1,4 @@
-"""Settings of the whole estimator. Geometry and noise belong to a data set; all else has one default for all."""
+"""[slam]: the whole estimator. Geometry and noise belong to a vehicle or a data set; all else has one default."""
 
 import math
 from typing import Literal
@@ -10,17 +10,16 @@ from slam.settings.front_end import FrontEndSettings
 from slam.settings.joint import JointSettings
 from slam.settings.odometry import OdometrySettings
 from slam.settings.quality import QualitySettings
-from slam.settings.sigma_points import UnscentedSettings, unscented_weights
 from slam.settings.tuning import Proposal, Strategy, Tuning
 
 
 class TechniqueSettings(BaseModel):
-    """The six techniques of the paper, each with its switch; all off is its "normal estimation"."""
+    """The six techniques of the paper, each with its switch; all off is its "normal estimation". For studies."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     difference: bool = Field(default=True, description="keep only what an earlier scan saw as well (III-A-1)")
-    sparse: bool = Field(default=True, description="minimum spacing of features (III-A-2)")
+    sparse: bool = Field(default=True, description="minimum spacing of features, 0.10 m (III-A-2)")
     density: bool = Field(
         default=True, description="threshold by distance to the neighbouring landmark (5); off: fixed gate"
     )
@@ -30,13 +29,21 @@ class TechniqueSettings(BaseModel):
 
 
 class MountSettings(BaseModel):
-    """body_from_laser."""
+    """Where the laser sits on the vehicle: body_from_laser.
+
+    Measure it, or drive some loops and let `infant calibrate` find it.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    x_m: float = Field(default=0.0, ge=-20, le=20, description="m ahead of the body's origin")
+    x_m: float = Field(default=0.0, ge=-20, le=20, description="m ahead of the middle of the wheels' axle")
     y_m: float = Field(default=0.0, ge=-20, le=20, description="m left of it")
-    yaw_rad: float = Field(default=0.0, ge=-math.pi, le=math.pi, description="rad, counter-clockwise")
+    yaw_rad: float = Field(
+        default=0.0,
+        ge=-math.pi,
+        le=math.pi,
+        description="rad by which it is turned to the left; a laser that looks backwards has pi",
+    )
 
     def as_pose(self) -> Pose2:
         """body_from_laser."""
@@ -48,73 +55,74 @@ class ViewSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    range_max_m: float = Field(default=30.0, gt=0, le=500, description="m; features farther away are not used")
+    range_max_m: float = Field(
+        default=30.0,
+        gt=0,
+        le=500,
+        description="features farther away are not used, m. The range of the sensor, from its data sheet",
+    )
     range_margin_m: float = Field(
-        default=3.0, ge=0, le=50, description="m added where candidates are gathered: landmarks move a little"
+        default=3.0,
+        ge=0,
+        le=50,
+        description="m added where candidates are gathered, because landmarks move a little. About a tenth of "
+        "range_max_m; 1 indoors",
     )
     missed_range_m: float = Field(
-        default=25.0, ge=0, le=500, description="m up to which an unseen landmark counts as missed"
+        default=25.0,
+        ge=0,
+        le=500,
+        description="m up to which an unseen landmark counts as missed. Where the sensor still sees the thinnest "
+        "landmark with certainty; 0 for a sensor that misses most of what it could see",
     )
     missed_bearing_rad: float = Field(
-        default=math.radians(130.0), ge=0, le=math.pi, description="rad to either side; 5 deg inside the sensor's edge"
-    )
-    sight_margin_m: float = Field(
-        default=0.5, ge=0, le=10, description="m behind a landmark that beams must pass to count as clear view"
-    )
-    sight_half_width_m: float = Field(
-        default=0.3, ge=0, le=5, description="m to either side of a landmark that must be clear as well"
+        default=math.radians(130.0),
+        ge=0,
+        le=math.pi,
+        description="rad to either side within which it counts as missed: 5 deg inside the sensor's edge",
     )
 
 
 class AssociationSettings(BaseModel):
-    """Which feature is which landmark. Bounds are log-likelihoods relative to their peak: minus half the squared
-    distance.
-    """
+    """Which feature is which landmark."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     strategy: Literal["sequential", "simultaneous", "known"] = Field(
         default="sequential",
-        description="nearest first with the pose updated between, or the printed form, or by reported identity",
-    )
-    match_base: float = Field(default=-3.0, ge=-50, le=0, description="M_c of (5): squared distance 6, the 95 % gate")
-    match_per_metre: float = Field(default=0.6, ge=0, le=10, description="K of (5), 1/m")
-    match_floor: float = Field(
-        default=-8.0, ge=-100, le=0, description="least M_th: without it a lonely landmark accepts anything"
-    )
-    match_fixed: float = Field(
-        default=-4.605, ge=-100, le=0, description="bound without the density technique: the 99 % gate"
-    )
-    match_known: float = Field(
-        default=-25.0, ge=-1000, le=0, description="bound for known identities; a sensor misreads a few"
-    )
-    create_distance: float = Field(
-        default=50.0,
-        ge=0,
-        le=1e6,
-        description="squared distance to every landmark below which a feature creates none (with density): it may be "
-        "that landmark, or the thing's other edge; 16 leaves a fifth more landmarks among people",
-    )
-    log_unmatched: float = Field(
-        default=-7.0,
-        ge=-50,
-        le=10,
-        description="log-likelihood p0 of a feature that matches nothing: one per some hundred m rad in view",
+        description="nearest first with the pose updated between, or the printed form, or by reported identity. "
+        "known only where the sensor tells its landmarks apart",
     )
 
 
-class ExistenceSettings(BaseModel):
-    """Log-odds that a landmark is real (6)."""
+class GateSettings(BaseModel):
+    """Gates of association, for particles and joint Gaussian alike: squared Mahalanobis distances of range and bearing
+    (chi square with two degrees of freedom).
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    new: float = Field(default=0.6, ge=-10, le=20, description="log-odds of a landmark seen once")
-    seen: float = Field(default=1.0, ge=0, le=20, description="added when it is seen")
-    missed: float = Field(default=0.7, ge=0, le=20, description="taken away when it should have been seen and was not")
-    highest: float = Field(
-        default=6.0, ge=0, le=100, description="bound, so that a thing that went away is forgotten in time"
+    match: float = Field(
+        default=6.0,
+        ge=0,
+        le=1000,
+        description="widest distance of a match in a crowd, -2 M_c of (5): 95 % of true matches. Raise it where true "
+        "matches are refused because the noise is not Gaussian",
     )
-    remove: float = Field(default=-1.0, ge=-50, le=10, description="a landmark below this is removed")
+    match_per_metre: float = Field(
+        default=1.2,
+        ge=0,
+        le=1000,
+        description="1/m by which it grows with the distance to the nearest other landmark, 2 K of (5). Lower it in "
+        "places where walkers are matched to lonely landmarks",
+    )
+    match_known: float = Field(
+        default=50.0,
+        ge=0,
+        le=1e6,
+        description="the same where the sensor reports identities (strategy known). Raise it for a sensor that never "
+        "misreads one",
+    )
 
 
 class SlamSettings(BaseModel):
@@ -122,30 +130,37 @@ class SlamSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    particles: int = Field(default=100, ge=1, le=100_000, description="number of particles; 30 to 100 suffice")
+    particles: int = Field(
+        default=100,
+        ge=1,
+        le=100_000,
+        description="number of particles; 30 to 100 suffice. Lower it where `infant bench` shows steps near the beat",
+    )
     proposal: Literal["motion", "ekf", "unscented"] = Field(
-        default="unscented", description="where poses are sampled from"
+        default="unscented",
+        description="where poses are sampled from. Change it only to compare: the paper's is unscented",
     )
     resample_share: float = Field(
-        default=0.3, ge=0, le=1, description="resample when the effective number falls below this share"
+        default=0.3,
+        ge=0,
+        le=1,
+        description="resample when the effective number falls below this share of the particles. Change it only for a "
+        "study: 1 resamples in every scan",
     )
-    cell_m: float = Field(default=15.0, gt=0.5, le=200, description="m; edge of the cells that landmarks are kept in")
-    map_every: int = Field(default=10, ge=1, le=100_000, description="the map goes with every so many-th estimate")
     mount: MountSettings = Field(default_factory=MountSettings)
     techniques: TechniqueSettings = Field(default_factory=TechniqueSettings)
     odometry: OdometrySettings = Field(default_factory=OdometrySettings)
     front_end: FrontEndSettings = Field(default_factory=FrontEndSettings)
     view: ViewSettings = Field(default_factory=ViewSettings)
     association: AssociationSettings = Field(default_factory=AssociationSettings)
-    existence: ExistenceSettings = Field(default_factory=ExistenceSettings)
-    unscented: UnscentedSettings = Field(default_factory=UnscentedSettings)
+    gates: GateSettings = Field(default_factory=GateSettings)
     joint: JointSettings = Field(default_factory=JointSettings)
     quality: QualitySettings = Field(default_factory=QualitySettings)
 
     def tuning(self) -> Tuning:
         """The part that the compiled step needs. Exclusivity off means the printed simultaneous form."""
-        association, existence, view = self.association, self.existence, self.view
-        strategy = Strategy[association.strategy.upper()]
+        gates, view = self.gates, self.view
+        strategy = Strategy[self.association.strategy.upper()]
         if strategy is Strategy.SEQUENTIAL and not self.techniques.exclusivity:
             strategy = Strategy.SIMULTANEOUS
         return Tuning(
@@ -155,26 +170,11 @@ class SlamSettings(BaseModel):
             existence=self.techniques.existence,
             exclusivity=self.techniques.exclusivity,
             range_gate=self.techniques.range,
-            match_base=association.match_base,
-            match_per_metre=association.match_per_metre,
-            match_floor=association.match_floor,
-            match_fixed=association.match_fixed,
-            match_known=association.match_known,
-            create_distance=association.create_distance,
-            log_unmatched=association.log_unmatched,
-            log_odds_new=existence.new,
-            log_odds_seen=existence.seen,
-            log_odds_missed=existence.missed,
-            log_odds_max=existence.highest,
-            log_odds_remove=existence.remove,
+            match_square=gates.match,
+            match_per_metre_square=gates.match_per_metre,
+            match_known_square=gates.match_known,
             range_max_m=view.range_max_m,
             range_margin_m=view.range_margin_m,
             missed_range_m=view.missed_range_m,
             missed_bearing_rad=view.missed_bearing_rad,
-            sight_margin_m=view.sight_margin_m,
-            sight_half_width_m=view.sight_half_width_m,
-            cell_m=self.cell_m,
-            joint_weights=unscented_weights(5, self.unscented),
-            single_weights=unscented_weights(2, self.unscented),
-            spread=self.unscented.beta - self.unscented.alpha**2,
         )

@@ -3,14 +3,14 @@
 from enum import IntEnum
 from typing import NamedTuple
 
-from slam.settings.sigma_points import UnscentedWeights
+from slam.settings.sigma_points import ALPHA, BETA, UnscentedWeights, unscented_weights
 
 
 class Tuning(NamedTuple):
-    """Settings of the filter in the form that compiled code takes; slam.settings says what each one means.
+    """Numbers of the filter in the form that compiled code takes.
 
-    Log likelihoods are natural logarithms; bounds on a match are logarithms of the likelihood over its own peak, that
-    is minus half the squared Mahalanobis distance.
+    Those without a value here are settings, which slam.settings explains; the others are constants with their origin.
+    Names that end in _square are squared Mahalanobis distances, log-likelihoods and log-odds are natural logarithms.
     """
 
     proposal: int
@@ -19,28 +19,30 @@ class Tuning(NamedTuple):
     existence: bool
     exclusivity: bool
     range_gate: bool
-    match_base: float
-    match_per_metre: float
-    match_floor: float
-    match_fixed: float
-    match_known: float
-    create_distance: float
-    log_unmatched: float
-    log_odds_new: float
-    log_odds_seen: float
-    log_odds_missed: float
-    log_odds_max: float
-    log_odds_remove: float
+    match_square: float
+    match_per_metre_square: float
+    match_known_square: float
     range_max_m: float
     range_margin_m: float
     missed_range_m: float
     missed_bearing_rad: float
-    sight_margin_m: float
-    sight_half_width_m: float
-    cell_m: float
-    joint_weights: UnscentedWeights
-    single_weights: UnscentedWeights
-    spread: float
+    match_widest_square: float = 16.0  # of the particles: without it a lonely landmark accepts anything
+    match_fixed_square: float = 9.21  # without the density technique: 99 % of true matches
+    # nearer to a landmark none is created: it may be that landmark, or the thing's other edge; 16 leaves a fifth more
+    # landmarks among people. With density only
+    create_square: float = 50.0
+    log_unmatched: float = -7.0  # p0 of a feature that matches nothing: one per some hundred m rad in view
+    log_odds_new: float = 0.6  # of a landmark seen once (6)
+    log_odds_seen: float = 1.0  # added when it is seen
+    log_odds_missed: float = 0.7  # taken away when it should have been seen and was not
+    log_odds_max: float = 6.0  # so that a thing that went away is forgotten in time
+    log_odds_remove: float = -1.0  # a landmark below this is removed
+    sight_margin_m: float = 0.5  # behind a landmark that beams must pass to count as clear view
+    sight_half_width_m: float = 0.3  # to either side of a landmark that must be clear as well
+    cell_m: float = 15.0  # edge of the cells that landmarks are kept in
+    joint_weights: UnscentedWeights = unscented_weights(5)
+    single_weights: UnscentedWeights = unscented_weights(2)
+    spread: float = BETA - ALPHA**2
 
 
 class Strategy(IntEnum):

@@ -66,7 +66,7 @@ def test_a_tick_without_scan_grows_the_covariance() -> None:
 
 
 def test_estimates_at_scans_hold_what_a_reviewer_wants_to_see() -> None:
-    estimates = drive(Estimator(settings_of(map_every=5), 1), 60)
+    estimates = drive(Estimator(settings_of(), 1, map_every=5), 60)
     with_scan, without = estimates[20], estimates[21]
     assert with_scan.particles is not None
     assert with_scan.particles.shape == (20, 3)

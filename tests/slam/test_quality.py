@@ -18,7 +18,7 @@ NARROW = np.diag((1e-4, 1e-4, 1e-6))
 GOOD = Evidence(known=20, found=12, missed=0, square=2.0)
 GONE = Evidence(known=20, found=0, missed=10, square=0.0)
 TICK_NS = 100_000_000
-SETTINGS = QualitySettings(lost_score=20.0, found_share=0.08)
+SETTINGS = QualitySettings(lost_score=20.0)
 
 
 def after(*scans: Evidence, settings: QualitySettings | None = None) -> tuple[QualityMonitor, int]:

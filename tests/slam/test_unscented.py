@@ -8,21 +8,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slam.angles import angle_between, cosine_sine, wrapped
-from slam.settings.sigma_points import UnscentedSettings, unscented_weights
+from slam.settings.sigma_points import unscented_weights
 from slam.unscented import pose_root_into, square_root, unscented_transform
 
-SETTINGS = UnscentedSettings()
 ANGLES = st.floats(-50.0, 50.0)
 
 
 @given(st.integers(1, 9), st.floats(0.01, 2.0), st.floats(0.0, 3.0), st.floats(0.0, 3.0))
 def test_mean_weights_sum_to_one(dimension: int, alpha: float, beta: float, kappa: float) -> None:
-    weights = unscented_weights(dimension, UnscentedSettings(alpha=alpha, beta=beta, kappa=kappa))
+    weights = unscented_weights(dimension, alpha, beta, kappa)
     assert weights.mean_centre + 2 * dimension * weights.other == pytest.approx(1.0, abs=1e-6 / alpha**2)
 
 
 def test_the_covariance_weight_is_the_standard_one_and_not_the_printed_one() -> None:
-    weights = unscented_weights(5, UnscentedSettings(alpha=0.5, beta=2.0, kappa=0.0))
+    weights = unscented_weights(5, alpha=0.5, beta=2.0, kappa=0.0)
     assert weights.covariance_centre - weights.mean_centre == pytest.approx(1.0 - 0.25 + 2.0)
 
 
@@ -30,7 +29,7 @@ def test_a_linear_function_is_transformed_exactly() -> None:
     generator = np.random.default_rng(0)
     matrix, root = generator.normal(size=(2, 5)), generator.normal(size=(5, 5))
     covariance, mean = root @ root.T, generator.normal(size=5)
-    image_mean, image_covariance, cross = unscented_transform(mean, covariance, lambda x: matrix @ x, SETTINGS)
+    image_mean, image_covariance, cross = unscented_transform(mean, covariance, lambda x: matrix @ x)
     np.testing.assert_allclose(image_mean, matrix @ mean, atol=1e-12)
     np.testing.assert_allclose(image_covariance, matrix @ covariance @ matrix.T, atol=1e-10)
     np.testing.assert_allclose(cross, covariance @ matrix.T, atol=1e-10)

@@ -123,7 +123,7 @@ def _counts_per_s(signals: WheelSignals, settings: EncoderSettings) -> float:
         "counts_per_period": 1e9 / settings.period_ns,
         "counts_per_s": 1.0,
         "motor_turns_per_s": COUNTS_PER_MOTOR_TURN,
-        "turns_per_s": settings.counts_per_rev,
+        "turns_per_s": settings.vehicle.counts_per_rev,
         "mps": settings.counts_per_metre,
         "kph": settings.counts_per_metre / 3.6,
     }[signals.speed_unit]

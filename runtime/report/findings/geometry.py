@@ -45,12 +45,12 @@ class Place:
 
 PLACES = {
     "wheel_radius_left_m": Place(
-        "radius of the left wheel", LEAST_RADIUS, True, 1e3, "mm", "slam.odometry.wheel_radius_left_m"
+        "radius of the left wheel", LEAST_RADIUS, True, 1e3, "mm", "vehicle.wheel_radius_left_m"
     ),
     "wheel_radius_right_m": Place(
-        "radius of the right wheel", LEAST_RADIUS, True, 1e3, "mm", "slam.odometry.wheel_radius_right_m"
+        "radius of the right wheel", LEAST_RADIUS, True, 1e3, "mm", "vehicle.wheel_radius_right_m"
     ),
-    "tread_m": Place("distance between the wheels", LEAST_TREAD, True, 1e3, "mm", "slam.odometry.tread_m"),
+    "tread_m": Place("distance between the wheels", LEAST_TREAD, True, 1e3, "mm", "vehicle.tread_m"),
     "laser_x_m": Place("laser ahead of the axle", LEAST_OFFSET_M, False, 1e3, "mm", "slam.mount.x_m"),
     "laser_y_m": Place("laser left of the middle", LEAST_OFFSET_M, False, 1e3, "mm", "slam.mount.y_m"),
     "laser_yaw_rad": Place(
@@ -129,7 +129,7 @@ def _disagreement(result: Calibration) -> list[Finding]:
                     "the wheels and the laser do not tell of the same motion",
                     (sentence,),
                     "a wrong count per turn, sign, radius or mount; or wheels that slip all the time",
-                    "slam.odometry.counts_per_rev, slam.odometry.wheel_radius_left_m, _right_m and slam.mount",
+                    "vehicle.counts_per_rev, vehicle.wheel_radius_left_m, _right_m and slam.mount",
                 )
             ]
     return []
@@ -149,7 +149,7 @@ def _radii(fit: Fit, causes: Sequence[Cause]) -> list[Finding]:
         return []
     evidence = [_evidence(cause, f"{cause.name} wheel{'s' if cause.name == BOTH else ''}") for cause in wheels]
     radii = (left * start_m[0] + start_m[0], right * start_m[1] + start_m[1])
-    remedy = f"slam.odometry.wheel_radius_left_m = {radii[0]:.4f}, wheel_radius_right_m = {radii[1]:.4f}"
+    remedy = f"vehicle.wheel_radius_left_m = {radii[0]:.4f}, wheel_radius_right_m = {radii[1]:.4f}"
     if abs(left - right) < LEAST_RADIUS:
         title = f"both wheels {_ratio_text(0.5 * (left + right))} than configured: distances are wrong by as much"
         cause_text = "radius or counts per turn are wrong"

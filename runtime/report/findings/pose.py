@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from drivers.measurements import Severity
 from runtime.report.facts import QUALITIES, RunFacts
 from runtime.report.finding import Finding, Interval, intervals_where, silences, spans_text
+from slam.quality import UNCERTAIN_GAP_M
 
 STARTING_S = 2.0  # before the first scans nothing is known, and that is no fault
 BLIND_SCANS_S = 1.0  # of silence put a pose in doubt
@@ -70,7 +71,7 @@ def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval,
         if facts.imported:
             return "the recording holds no scans then", "nothing: the pose is dead reckoning there"
         return "no scans came", "see why there were no scans"
-    if np.median(ticks.apart_m[holds]) > quality.uncertain_gap_m:
+    if np.median(ticks.apart_m[holds]) > UNCERTAIN_GAP_M:
         return (
             "the particles have left the joint Gaussian, whose pose is published and may still be right",
             "slam.particles more; see what happened when it began",

@@ -136,7 +136,7 @@ def _misconfigured(facts: RunFacts) -> list[Finding]:
             f"{_side(events[0])} node is not the one configured: counts per turn differ".strip(),
             _told(events, 2),
             "another encoder or another gear than the configuration says",
-            "encoders.counts_per_rev and slam.odometry.counts_per_rev: what the node reports",
+            "vehicle.counts_per_rev: what the node reports",
         )
     ]
 
@@ -151,7 +151,7 @@ def _single_events(facts: RunFacts) -> list[Finding]:
             Severity.WARN,
             "a wheel's count jumps",
             "a disturbed or restarted encoder",
-            "check shielding and supply of the encoder; slam.odometry.max_speed_mps",
+            "check shielding and supply of the encoder; vehicle.max_speed_mps",
         ),
         (
             ("restart", "gap"),

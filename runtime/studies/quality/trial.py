@@ -10,11 +10,11 @@ from drivers.measurements import FloatArray
 from drivers.settings.simulated_world import DriveSettings, WorldSettings
 from runtime.studies.jobs import Result
 from runtime.studies.quality.drives import MishapKind, draw_mishap, moments
-from slam.estimate import Quality
+from slam.estimate import Estimate, Quality
 from slam.estimator import Estimator
 from slam.joint.evidence import Evidence
 from slam.pose import wrap_rad
-from slam.quality import QualityMonitor, largest_deviation_m
+from slam.quality import LOST_GROWTH, QualityMonitor, largest_deviation_m
 from slam.settings.quality import QualitySettings
 from slam.settings.slam import SlamSettings
 
@@ -60,11 +60,10 @@ def trial(
         {
             "particles": particles,
             "mount": {"x_m": mount[0]},
-            "quality": {**quality, "lost_sigma_m": 0.0, "lost_sigma_rad": 0.0},  # the trace holds the filter's own
-            "map_every": 1000,
+            "quality": quality,
         }
     )
-    estimator = Estimator(settings, seed)
+    estimator = Estimator(settings, seed, map_every=1000)
     trace: list[list[float]] = []
     states: list[tuple[float, str, str]] = []
     for moment in moments(world, duration_s if mishap is None else mishap.at_s + WATCHED_S, mishap):
@@ -78,7 +77,7 @@ def trial(
                 float(moment.scan is not None),
                 *(counts.get(name, 0.0) for name in ("known_in_view", "known_found", "known_missed")),
                 round(counts.get("known_square", 0.0), 3),
-                round(largest_deviation_m(estimate.covariance), 4),
+                round(largest_deviation_m(own_covariance(estimate)), 4),
                 round(math.dist((pose.x_m, pose.y_m), (estimate.particle_mean.x_m, estimate.particle_mean.y_m)), 4),
                 round(math.dist((pose.x_m, pose.y_m), truth[:2]), 4),
                 round(wrap_rad(pose.heading_rad - float(truth[2])), 5),
@@ -92,6 +91,12 @@ def trial(
         "states": states,
         "trace": trace,
     }
+
+
+def own_covariance(estimate: Estimate) -> FloatArray:
+    """What the filter itself believes, (3, 3): while lost more is published than that."""
+    lost = estimate.quality is Quality.LOST
+    return estimate.covariance - LOST_GROWTH if lost else estimate.covariance
 
 
 def judged_again(trace: FloatArray, settings: QualitySettings) -> Iterator[Quality]:

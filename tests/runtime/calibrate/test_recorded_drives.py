@@ -15,7 +15,7 @@ from runtime.tick import Tick
 from tests.support.runtime.made_drives import BOOT_NS, Rover, park_drive
 from tests.support.runtime.recorded_values import make_estimate, make_timing
 
-CONFIGURATION = "[slam.mount]\nx_m = 0.25\n[slam.odometry]\ntread_m = 0.52\n"
+CONFIGURATION = "[slam.mount]\nx_m = 0.25\n[vehicle]\ntread_m = 0.52\n"
 
 
 def _record(folder: Path, ticks: list[Tick]) -> Path:
@@ -62,14 +62,14 @@ def test_the_search_begins_at_what_the_configuration_says() -> None:
     start = start_from(load_configuration_text(CONFIGURATION))
     assert isinstance(start, CalibrationStart)
     assert (start.tread_m, start.body_from_laser.x_m, start.latency_s) == (0.52, 0.25, 0.0)
-    steered = start_from(load_configuration_text('[slam.odometry]\nmodel = "steered"\nsteering_bias_rad = 0.01\n'))
+    steered = start_from(load_configuration_text('[vehicle]\nmotion_model = "steered"\nsteering_bias_rad = 0.01\n'))
     assert isinstance(steered, SteeringStart)
     assert steered.steering_bias_rad == 0.01
 
 
 def test_odometry_without_wheels_is_refused_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(DataSetError, match=r"slam\.odometry\.model"):
-        start_from(load_configuration_text('[slam.odometry]\nmodel = "pose"\n'))
+        start_from(load_configuration_text('[vehicle]\nmotion_model = "pose"\n'))
     folder = _record(tmp_path / "run", [Tick(0, BOOT_NS, None, (OdometryPose(BOOT_NS, 0.0, 0.0, 0.0),))])
     with pytest.raises(DataSetError, match="OdometryPose"):
         load_drive(folder)

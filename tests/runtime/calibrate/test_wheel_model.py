@@ -6,7 +6,6 @@ from runtime.calibrate.drive_data import DriveData, SteeringStart, WheelSeries
 from runtime.calibrate.wheel_model import DifferentialModel, SteeredModel
 from slam.odometry.odometry import Odometry
 from slam.settings.odometry import OdometrySettings
-from slam.settings.sigma_points import UnscentedSettings
 from tests.support.runtime.made_drives import START, Rover, counted, weaving, wheel_counts, wheel_travel_m
 
 EXACT = Rover(slip=0.0)
@@ -21,7 +20,7 @@ def _series(duration_s: float = 20.0) -> WheelSeries:
 def test_dead_reckoning_is_the_filters_own() -> None:
     series = _series()
     settings = OdometrySettings(wheel_radius_left_m=0.12, wheel_radius_right_m=0.13, tread_m=0.45)
-    odometry = Odometry(settings, UnscentedSettings())
+    odometry = Odometry(settings)
     stamps = [round(time * 1e9) for time in series.times_s]
     odometry.add(tuple(WheelCounts(stamp, *pair) for stamp, pair in zip(stamps, series.values.tolist(), strict=True)))
     odometry.take_until(stamps[0])
@@ -38,7 +37,7 @@ def test_dead_reckoning_is_the_filters_own() -> None:
 def test_steered_dead_reckoning_is_the_filters_own() -> None:
     samples = [SpeedSteering(i * 25_000_000, 2.0 + 0.01 * i, 0.3 * np.sin(0.05 * i)) for i in range(200)]
     settings = OdometrySettings(model="steered", steering_scale=1.05, steering_bias_rad=0.01)
-    odometry = Odometry(settings, UnscentedSettings())
+    odometry = Odometry(settings)
     odometry.add(tuple(samples))
     for sample in samples:
         odometry.take_until(sample.stamp_ns)

@@ -1,3 +1,4 @@
+import math
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,9 @@ rover = "calibrated"
 url = "tcp://192.168.0.10:10940"
 stamp_offset_s = -0.01
 [encoders]
-[slam.odometry]
+[vehicle]
 tread_m = 0.5
+[slam.odometry]
 slip_m_per_sqrt_m = 0.02
 """
 
@@ -51,7 +53,8 @@ def test_the_written_configuration_can_be_used_at_once(tmp_path: Path) -> None:
     assert after.laser.stamp_offset_s == pytest.approx(-0.04)
     assert after.laser.url == "tcp://192.168.0.10:10940"
     assert after.encoders is not None
-    assert after.encoders.wheel_radius_m == pytest.approx(0.125)
+    assert after.encoders.vehicle == after.vehicle
+    assert after.vehicle.counts_per_metre == pytest.approx(4096 / (2 * math.pi * 0.125))
     assert odometry.slip_m_per_sqrt_m == 0.008
     assert odometry.lateral_m_per_sqrt_m == 0.003  # the filter needs some
     assert odometry.radius_uncertainty == pytest.approx(0.0005 / 0.1241, rel=0.01)
@@ -63,7 +66,7 @@ def test_what_was_refused_keeps_the_value_of_the_base() -> None:
 
 
 def test_an_imported_recording_has_no_stamps_to_correct() -> None:
-    assert "laser.stamp_offset_s" not in configuration_changes(FOUND, "[slam.odometry]\ntread_m = 0.4\n")
+    assert "laser.stamp_offset_s" not in configuration_changes(FOUND, "[vehicle]\ntread_m = 0.4\n")
 
 
 def test_the_file_says_where_its_values_come_from(tmp_path: Path) -> None:
@@ -97,6 +100,6 @@ def test_nothing_found_writes_nothing(tmp_path: Path) -> None:
 def test_the_latency_of_a_recorded_data_set_goes_where_its_importer_takes_it_off(
     taken_off: str, expected: float
 ) -> None:
-    changes = configuration_changes(FOUND, taken_off + "[slam.odometry]\ntread_m = 0.5\n")
+    changes = configuration_changes(FOUND, taken_off + "[vehicle]\ntread_m = 0.5\n")
     assert changes["data_set.laser_latency_s"] == pytest.approx(expected)
     assert "laser.stamp_offset_s" not in changes

@@ -95,7 +95,7 @@ def test_an_import_holds_every_scan_and_every_wheel_sample(tmp_path: Path) -> No
 def test_the_lasers_latency_is_taken_off_its_stamps_and_off_no_others(tmp_path: Path) -> None:
     source = write_set(tmp_path / "set", SCANS | STEERED)
     late = tmp_path / "late.toml"
-    late.write_text("[data_set]\nlaser_latency_s = 0.06\n[slam.odometry]\nmodel = 'steered'\n")
+    late.write_text("[data_set]\nlaser_latency_s = 0.06\n[vehicle]\nmotion_model = 'steered'\n")
     imported = import_data_set(source, tmp_path / "run", late)
     assert imported["laser_latency_s"] == 0.06
     found = [recorded.tick for recorded in RunReader(tmp_path / "run").ticks()]

@@ -61,7 +61,7 @@ def test_a_priority_that_is_not_allowed_is_a_warning(monkeypatch: pytest.MonkeyP
 
 def test_wheels_as_drawn_ask_for_a_calibration_and_measured_ones_do_not() -> None:
     assert check_calibration(load_configuration_text("")).verdict is Verdict.WARN
-    measured = load_configuration_text("[slam.odometry]\nwheel_radius_left_m = 0.1247")
+    measured = load_configuration_text("[vehicle]\nwheel_radius_left_m = 0.1247")
     assert check_calibration(measured).verdict is Verdict.PASS
 
 

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray, Scan, Sightings
 from slam.estimator import Estimator
+from slam.front_end import alignment_search
 from slam.front_end.alignment import Alignment
 from slam.front_end.alignment_search import Search
 from slam.odometry.odometry import Increment, Odometry
 from slam.pose import Pose2
 from slam.settings.front_end import FrontEndSettings
 from slam.settings.odometry import OdometrySettings
-from slam.settings.sigma_points import UnscentedSettings
 from slam.settings.slam import SlamSettings
 from tests.support.slam.corridor import BEARINGS_RAD, Stop, drive_round, ranges_of
 
@@ -35,7 +35,7 @@ def settings_of(**alignment: object) -> FrontEndSettings:
 
 def refined(stops: list[Stop], settings: FrontEndSettings) -> tuple[list[Increment], list[Increment], Alignment]:
     """Increments as the wheels give them, the same after alignment, and the aligner."""
-    odometry, alignment = Odometry(WHEELS, UnscentedSettings()), Alignment(settings, MOUNT)
+    odometry, alignment = Odometry(WHEELS), Alignment(settings, MOUNT)
     raw, better = [], []
     for stop in stops:
         odometry.add((stop.wheels,))
@@ -143,16 +143,18 @@ def test_what_cannot_be_aligned_leaves_the_wheels_as_they_were(stops: list[Stop]
     assert alignment.refine(sightings, MOVED) is MOVED
 
 
-def test_a_search_from_several_headings_finds_what_one_start_misses(stops: list[Stop]) -> None:
+def test_a_search_from_several_headings_finds_what_one_start_misses(
+    stops: list[Stop], monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A corner seen before and after a turn of 30 deg of which the wheels felt half."""
-    settings = settings_of()
+    monkeypatch.setattr(alignment_search, "GATE_FIRST_M", 0.3)
     corner = next(k for k, stop in enumerate(stops) if abs(stop.map_from_body.heading_rad) > 0.3)
     true = (stops[corner - 1].map_from_body.inverse() @ stops[corner].map_from_body).as_array()
     misled = replace(MOVED, mean=np.array((0.0, 0.0, true[2] - 0.45)), covariance=np.diag((1e-4, 1e-4, 0.15**2)))
     gaps = {}
     for starts in (1, 3):
-        own = settings.alignment.model_copy(update={"starts": starts, "gate_first_m": 0.3})
-        alignment = Alignment(settings.model_copy(update={"alignment": own}), MOUNT)
+        monkeypatch.setattr(alignment_search, "STARTS", starts)
+        alignment = Alignment(settings_of(), MOUNT)
         alignment.refine(stops[corner - 1].scan, MOVED)
         gaps[starts] = abs(alignment.refine(stops[corner].scan, misled).mean[2] - true[2])
     assert gaps[3] < 0.02
@@ -192,7 +194,7 @@ def test_the_search_writes_finite_information() -> None:
     points = np.array(((2.0, 1.0), (3.0, 1.0), (4.0, 1.0)))
     wall, normals = points.copy()[np.newaxis], np.tile((0.0, 1.0), (3, 1))[np.newaxis]
     start = np.array(((0.0, 0.0, 1.0, 0.0),))
-    search = Search(settings_of().alignment, points, wall, normals, start, 0.2, 0.1)
+    search = Search(points, wall, normals, start, 0.2, 0.1)
     motion, information, _ = search.best(np.zeros(3), 0.01 * np.eye(3))
     assert np.isfinite(motion).all()
     assert (np.linalg.eigvalsh(information) > 0.0).all()

@@ -1,11 +1,13 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
 
 from drivers.measurements import FloatArray, Scan, uniform_bearings
+from slam.front_end import corners as corner_module
 from slam.front_end.corners import corners
 from slam.front_end.deskew import Twist, deskew
 from slam.front_end.trunks import runs_of_beams
@@ -15,7 +17,6 @@ from slam.settings.front_end import FrontEndSettings
 SPACING = math.radians(0.25)
 BEARINGS = uniform_bearings(-math.radians(120.0), SPACING, 961)
 SETTINGS = FrontEndSettings(sigma_range_m=0.01)
-EXACT = {"sigma_corner_m": 0.0}
 
 
 def cast(walls: list[tuple[tuple[float, float], tuple[float, float]]]) -> FloatArray:
@@ -35,7 +36,7 @@ def found(ranges: FloatArray, settings: FrontEndSettings = SETTINGS) -> tuple[Fl
     """Points (c, 2) and rows (c, 8)."""
     scan = Scan(0, ranges.astype(np.float32), BEARINGS, range_max_m=60.0)
     beams = deskew(scan, Twist(), Pose2(), 0.1, 60.0)
-    rows = corners(beams, runs_of_beams(beams, settings), settings)
+    rows = corners(beams, runs_of_beams(beams), settings)
     return np.stack((rows[:, 0] * np.cos(rows[:, 1]), rows[:, 0] * np.sin(rows[:, 1])), axis=-1), rows
 
 
@@ -74,8 +75,9 @@ def test_the_free_end_of_a_wall_is_a_feature_and_an_end_that_something_hides_is_
     assert abs(on_wall[0, 1] + 1.0) < 0.02
 
 
-def test_the_covariance_of_a_corner_is_what_its_two_lines_leave_open() -> None:
+def test_the_covariance_of_a_corner_is_what_its_two_lines_leave_open(monkeypatch: pytest.MonkeyPatch) -> None:
     """Mean 2 would be exact; 1.2, because slanting beams carry only a part of their noise across a wall."""
+    monkeypatch.setattr(corner_module, "SIGMA_CORNER_M", 0.0)
     rng = np.random.default_rng(1)
     squares = []
     for _ in range(150):
@@ -86,7 +88,7 @@ def test_the_covariance_of_a_corner_is_what_its_two_lines_leave_open() -> None:
             end = corner + length * np.array((math.cos(angle), math.sin(angle)))
             walls.append(((end[0], end[1]), (corner[0], corner[1])))
         exact = cast(walls)
-        _, rows = found(exact + 0.01 * rng.standard_normal(exact.shape), SETTINGS.model_copy(update=EXACT))
+        _, rows = found(exact + 0.01 * rng.standard_normal(exact.shape), SETTINGS)
         for row in rows[rows[:, 7] == 0]:
             covariance = np.array(((row[2], row[3]), (row[3], row[4])))
             error = row[:2] - (distance, bearing)

@@ -8,10 +8,8 @@ from slam.front_end.deskew import Twist, deskew
 from slam.front_end.differencing import CompensatedVote, PlacedScan, Vote, equal_angle_difference
 from slam.observations import BeamVerdict
 from slam.pose import Pose2
-from slam.settings.front_end import FrontEndSettings
 
 BEARINGS = uniform_bearings(-math.radians(135.0), math.radians(0.25), 1081)
-SETTINGS = FrontEndSettings()
 POST = np.array((6.0, 1.0))
 
 
@@ -46,7 +44,7 @@ def turning(number: int) -> Pose2:
 
 
 def test_on_a_turning_rover_the_vote_keeps_a_post_and_the_printed_form_loses_it() -> None:
-    vote = CompensatedVote(SETTINGS)
+    vote = CompensatedVote()
     scans = [scan_of([(POST, 0.04)], turning(i), 0.1 * i) for i in range(12)]
     answers = [ask(vote, scan, turning(i)) for i, scan in enumerate(scans)]
     beam = toward(POST, turning(11))
@@ -57,7 +55,7 @@ def test_on_a_turning_rover_the_vote_keeps_a_post_and_the_printed_form_loses_it(
 
 
 def test_somebody_walking_is_moved_and_the_wall_he_uncovers_is_kept() -> None:
-    vote = CompensatedVote(SETTINGS)
+    vote = CompensatedVote()
     for i in range(12):
         walker = np.array((5.0, -1.0 + 0.12 * i))
         answer = ask(vote, scan_of([(walker, 0.25)], Pose2(), 0.1 * i), Pose2(), walker)
@@ -70,7 +68,7 @@ def test_somebody_walking_is_moved_and_the_wall_he_uncovers_is_kept() -> None:
 
 
 def test_a_place_that_was_hidden_until_now_is_not_compared() -> None:
-    vote = CompensatedVote(SETTINGS)
+    vote = CompensatedVote()
     screen = (np.array((3.0, 0.5)), 0.3)
     for i in range(11):
         ask(vote, scan_of([(POST, 0.1), screen], Pose2(), 0.1 * i), Pose2())
@@ -79,7 +77,7 @@ def test_a_place_that_was_hidden_until_now_is_not_compared() -> None:
 
 
 def test_a_place_outside_the_earlier_view_is_not_compared() -> None:
-    vote = CompensatedVote(SETTINGS)
+    vote = CompensatedVote()
     for i in range(11):
         ask(vote, scan_of([], Pose2(), 0.1 * i), Pose2())
     turned = Pose2(0.0, 0.0, math.radians(60.0))
@@ -89,7 +87,7 @@ def test_a_place_outside_the_earlier_view_is_not_compared() -> None:
 
 
 def test_scans_seconds_apart_have_no_voters() -> None:
-    vote = CompensatedVote(SETTINGS)
+    vote = CompensatedVote()
     for i in range(5):
         answer = ask(vote, scan_of([], Pose2(), 3.0 * i), Pose2())
         assert answer.voters == 0
@@ -97,7 +95,7 @@ def test_scans_seconds_apart_have_no_voters() -> None:
 
 
 def test_time_that_stands_still_or_runs_backwards_is_survived_and_forgets_the_past() -> None:
-    vote = CompensatedVote(SETTINGS)
+    vote = CompensatedVote()
     for stamp in (0.0, 0.5, 1.0, 1.0, 1.0):
         answer = ask(vote, scan_of([], Pose2(), stamp), Pose2())
     assert answer.voters == 2
@@ -107,7 +105,7 @@ def test_time_that_stands_still_or_runs_backwards_is_survived_and_forgets_the_pa
 
 @pytest.mark.parametrize("count", [0, 1, 500, 1081])
 def test_scans_of_any_number_of_beams_can_follow_each_other(count: int) -> None:
-    vote = CompensatedVote(SETTINGS)
+    vote = CompensatedVote()
     for i in range(11):
         size = count if i % 2 else 1081
         bearings = uniform_bearings(-1.0, 0.002, size)

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from drivers.measurements import Scan, Sightings, uniform_bearings
 from drivers.settings.simulated_world import WorldSettings
 from drivers.simulated.world.world import Surface, World
+from slam.front_end import front_ends
 from slam.front_end.deskew import Twist
 from slam.front_end.front_ends import FrontEnd, make_front_end
 from slam.observations import BeamVerdict, Features
@@ -122,11 +123,12 @@ def test_without_the_difference_every_feature_may_create_and_nothing_is_compared
         assert set(look.verdicts) <= {BeamVerdict.NO_RETURN, BeamVerdict.NOT_COMPARED}
 
 
-def test_sparse_features_keep_their_spacing_and_switched_off_they_do_not() -> None:
+def test_sparse_features_keep_their_spacing_and_switched_off_they_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(front_ends, "SPACING_M", 1.0)
     closest = {}
     for sparse in (True, False):
         gaps = [math.inf]
-        for look in drive(WorldSettings(), FrontEndSettings(spacing_m=1.0), 3.0, sparse=sparse):
+        for look in drive(WorldSettings(), FrontEndSettings(), 3.0, sparse=sparse):
             points = look.points_m
             between = np.hypot(*(points[:, None] - points[None]).transpose(2, 0, 1)) + 99.0 * np.eye(len(points))
             gaps.append(float(between.min()))
@@ -208,8 +210,8 @@ def test_the_wrong_kind_of_scan_is_refused_with_the_remedy() -> None:
 
 
 def test_a_setting_out_of_range_is_refused_by_name() -> None:
-    with pytest.raises(ValidationError, match="support_share"):
-        FrontEndSettings(support_share=1.5)
+    with pytest.raises(ValidationError, match="width_max_m"):
+        FrontEndSettings(width_max_m=50.0)
 
 
 RANGES = st.one_of(st.floats(0.0, 70.0, width=32), st.sampled_from([math.nan, math.inf, -math.inf, -1.0, 5.0]))

@@ -30,7 +30,7 @@ def round_trunk(distance: float, bearing: float, radius: float) -> NDArray[np.fl
 
 def found(ranges: NDArray[np.float64], settings: FrontEndSettings = SETTINGS) -> NDArray[np.float64]:
     beams = beams_of(ranges)
-    return trunks(beams, runs_of_beams(beams, settings), settings)
+    return trunks(beams, runs_of_beams(beams), settings)
 
 
 @settings(max_examples=200, deadline=None)
@@ -102,7 +102,7 @@ def test_one_beam_half_beside_the_edge_moves_the_centre_by_less_than_a_beam() ->
 
 def test_a_wall_is_one_run_and_no_trunk() -> None:
     beams = beams_of(4.0 / np.maximum(np.cos(BEARINGS), 1e-3))
-    runs = runs_of_beams(beams, SETTINGS)
+    runs = runs_of_beams(beams)
     longest = runs[np.argmax(runs[:, 1] - runs[:, 0])]
     seen = np.degrees(BEARINGS[longest])
     assert seen[0] < -65.0

@@ -1,4 +1,5 @@
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -6,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from slam.joint.gaussian import JointGaussian
+from slam.joint import state
+from slam.joint.gaussian import JointGaussian, Variant
 from slam.observations import Features, MatchVerdict
 from slam.pose import Pose2
 from slam.settings.joint import JointSettings
@@ -77,7 +79,7 @@ def test_a_second_feature_beside_a_landmark_neither_matches_nor_creates() -> Non
 
 
 def test_a_feature_without_licence_creates_at_rest_only() -> None:
-    joint = JointGaussian(JointSettings(creation="licensed"), Pose2())
+    joint = JointGaussian(JointSettings(), Pose2())
     seen = features_at(RING[:1], licence=False)
     assert joint.step(AHEAD, STEP_NOISE, seen, unknown(seen))[0] == int(MatchVerdict.UNLICENSED)
     assert joint.step(*STILL, seen, unknown(seen))[0] == int(MatchVerdict.NEW)
@@ -114,7 +116,7 @@ def test_identities_of_the_sensor_decide_where_it_has_them() -> None:
 
 def test_matches_of_the_particles_are_followed_only_if_told_to_and_inside_the_gate() -> None:
     told, seen = np.array((11, 12)), features_at([(10.0, 0.0), (10.0, 0.9)])
-    follower = JointGaussian(JointSettings(association="particles"), Pose2())
+    follower = JointGaussian(JointSettings(), Pose2(), variant=Variant(association="particles"))
     follower.step(*STILL, seen, told)
     assert follower.step(*STILL, features_at([(10.0, 0.4), (10.0, 0.5)]), told[::-1]).tolist() == [12, 11]
     assert follower.step(*STILL, features_at([(3.0, 5.0)]), told[:1])[0] == int(MatchVerdict.AMBIGUOUS)
@@ -176,10 +178,10 @@ def test_standing_still_the_pose_stays_exact_and_landmarks_sharpen() -> None:
     assert np.diag(joint.covariance).max() <= 1.0001e-12
 
 
-def heading_deviation(jacobians: str) -> float:
+def heading_deviation(jacobians: Literal["invariant", "first_estimates", "current"]) -> float:
     """Of a rover that never knew its heading better than 0.1 rad, after 40 noisy scans of the same six landmarks."""
     generator = np.random.default_rng(5)
-    joint = JointGaussian(JointSettings.model_validate({"jacobians": jacobians}), Pose2())
+    joint = JointGaussian(JointSettings(), Pose2(), variant=Variant(jacobians=jacobians))
     joint.step(np.array((0.0, 0.0, 0.0)), np.diag((1e-12, 1e-12, 0.1**2)), features_at([]), np.empty(0, dtype=np.int64))
     truth, noise = Pose2(), np.diag((0.1**2, 0.05**2, 0.05**2))
     for _ in range(40):
@@ -200,8 +202,9 @@ def test_turning_the_whole_map_is_never_observed() -> None:
     assert heading_deviation("current") < 0.0999
 
 
-def test_constants_of_the_odometry_are_found_out() -> None:
-    joint = JointGaussian(JointSettings(distance_scale_sigma=0.05), Pose2())
+def test_constants_of_the_odometry_are_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(state, "DISTANCE_SCALE_SIGMA", 0.05)
+    joint = JointGaussian(JointSettings(), Pose2())
     posts = [(x, y) for x in np.arange(0.0, 200.0, 9.0).tolist() for y in (-7.0, 8.0)]
     truth = Pose2()
     look(joint, [point for point in posts if point[0] < 25.0], 5)

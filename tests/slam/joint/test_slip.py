@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.measurements import FloatArray, IntArray
+from slam.joint import gaussian
 from slam.joint.gaussian import JointGaussian
 from slam.observations import Features, MatchVerdict
 from slam.pose import Pose2, wrap_rad
@@ -28,8 +29,8 @@ def seen(points_m: FloatArray, heading_rad: float = 0.0) -> Features:
     return Features(0, np.hypot(*points_m.T), bearings, covariances, np.ones(count, np.bool_), unknown, unknown)
 
 
-def with_old_posts(settings: JointSettings | None = None) -> JointGaussian:
-    joint = JointGaussian(settings or JointSettings(), Pose2())
+def with_old_posts() -> JointGaussian:
+    joint = JointGaussian(JointSettings(), Pose2())
     for _ in range(40):
         step(joint, seen(POSTS_M), np.zeros((3, 3)))
     return joint
@@ -47,8 +48,9 @@ def test_a_slip_of_many_deviations_is_found_by_the_landmarks_that_agree_on_it(de
     assert joint.map_from_body.heading_rad == pytest.approx(turned, abs=0.004)
 
 
-def test_without_the_search_for_a_slip_the_landmarks_would_be_given_up() -> None:
-    joint = with_old_posts(JointSettings(slip_square=0.0))
+def test_without_the_search_for_a_slip_the_landmarks_would_be_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gaussian, "SLIP_SQUARE", 0.0)
+    joint = with_old_posts()
     assert (step(joint, seen(POSTS_M, 9.0 * HEADING_SIGMA_RAD), INCREMENT) < 0).all()
 
 

@@ -23,7 +23,6 @@ from slam.odometry.odometry import Odometry
 from slam.pose import Pose2
 from slam.settings.joint import JointSettings
 from slam.settings.odometry import OdometrySettings
-from slam.settings.sigma_points import UnscentedSettings
 from slam.settings.slam import SlamSettings, ViewSettings
 
 NOISE = np.diag((RANGE_NOISE_M**2, BEARING_NOISE_RAD**2))
@@ -48,7 +47,7 @@ def drive_of(kind: WorldKind, seed: int) -> FeatureDrive:
 @cache
 def run(kind: WorldKind, seed: int, landmarks_in_state: int = JointSettings().landmarks_in_state) -> Run:
     drive = drive_of(kind, seed)
-    odometry = Odometry(OdometrySettings(model="speed_yaw_rate"), UnscentedSettings())
+    odometry = Odometry(OdometrySettings(model="speed_yaw_rate"))
     joint = JointGaussian(JointSettings(landmarks_in_state=landmarks_in_state), Pose2(), TUNING)
     poses, covariances, most = [], [], 0
     for step in drive.steps:

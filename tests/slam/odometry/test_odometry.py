@@ -14,7 +14,6 @@ from drivers.measurements import FloatArray, OdometryPose, SpeedSteering, SpeedY
 from slam.odometry.odometry import Increment, Odometry
 from slam.pose import Pose2, wrap_rad
 from slam.settings.odometry import OdometrySettings
-from slam.settings.sigma_points import UnscentedSettings
 from tests.support.slam.scenes import arc_pose
 
 MS = 1_000_000
@@ -22,7 +21,7 @@ COUNT_M = 2.0 * math.pi * 0.125 / 4096
 
 
 def odometry(model: str = "differential", **changes: object) -> Odometry:
-    return Odometry(OdometrySettings.model_validate({"model": model, **changes}), UnscentedSettings())
+    return Odometry(OdometrySettings.model_validate({"model": model, **changes}))
 
 
 def counts(stamp_ms: int, left_m: float, right_m: float, valid: bool = True) -> WheelCounts:
@@ -277,7 +276,7 @@ def test_the_error_of_speed_models_is_as_large_as_it_says(model: str) -> None:
 
 def test_a_minute_without_a_scan_costs_no_more_than_a_second_and_ends_at_the_same_place() -> None:
     settings = OdometrySettings()
-    blind, whole = Odometry(settings, UnscentedSettings()), Odometry(settings, UnscentedSettings())
+    blind, whole = Odometry(settings), Odometry(settings)
     for step in range(3000):
         stamp_ns = step * 20_000_000
         sample = WheelCounts(stamp_ns, 50.0 * step, 53.0 * step)
@@ -299,7 +298,7 @@ def test_a_minute_without_a_scan_costs_no_more_than_a_second_and_ends_at_the_sam
 
 
 def test_a_scan_that_comes_a_little_late_after_a_long_blindness_is_still_met_exactly() -> None:
-    blind, whole = Odometry(OdometrySettings(), UnscentedSettings()), Odometry(OdometrySettings(), UnscentedSettings())
+    blind, whole = Odometry(OdometrySettings()), Odometry(OdometrySettings())
     for odometry in (blind, whole):
         odometry.add((WheelCounts(0, 0.0, 0.0),))
         odometry.take_until(0)

@@ -92,9 +92,9 @@ def test_the_threshold_tightens_where_landmarks_are_dense_and_has_a_floor() -> N
     dense = match_bound(landmarks((0.0, 0.0), (0.5, 0.0)), 0, tuning)
     sparse = match_bound(landmarks((0.0, 0.0), (4.0, 0.0)), 0, tuning)
     lonely = match_bound(landmarks((0.0, 0.0)), 0, tuning)
-    assert dense == pytest.approx(-2.0 * (tuning.match_base - tuning.match_per_metre * 0.5))
+    assert dense == pytest.approx(tuning.match_square + tuning.match_per_metre_square * 0.5)
     assert dense < sparse < lonely
-    assert lonely == pytest.approx(-2.0 * tuning.match_floor)
+    assert lonely == pytest.approx(tuning.match_widest_square)
 
 
 def test_without_the_density_technique_the_gate_is_the_fixed_one() -> None:

@@ -21,13 +21,12 @@ from slam.particles.proposals import (
     with_noise,
 )
 from slam.pose import wrap_rad
-from slam.settings.sigma_points import UnscentedSettings, unscented_weights
+from slam.settings.sigma_points import ALPHA, BETA, unscented_weights
 from slam.unscented import square_root, unscented_transform
 from slam.visibility import sensor_pose
 
-SETTINGS = UnscentedSettings()
-WEIGHTS_5, WEIGHTS_2 = unscented_weights(5, SETTINGS), unscented_weights(2, SETTINGS)
-SPREAD = SETTINGS.beta - SETTINGS.alpha**2
+WEIGHTS_5, WEIGHTS_2 = unscented_weights(5), unscented_weights(2)
+SPREAD = BETA - ALPHA**2
 MOUNT = np.array((0.3, -0.1, 0.2))
 NOISE = Sighting(0.0, 0.0, 0.01, 0.0005, 0.0004)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -72,9 +71,7 @@ def test_unscented_moments_are_those_of_eleven_points(seed: int) -> None:
     joint = np.zeros((5, 5))
     joint[:3, :3] = covariance
     joint[3:, 3:] = ((landmark[2], landmark[3]), (landmark[3], landmark[4]))
-    mean, spread, crossed = unscented_transform(
-        np.append(pose, landmark[:2]), joint, lambda x: measured(x[:3], x[3:]), SETTINGS
-    )
+    mean, spread, crossed = unscented_transform(np.append(pose, landmark[:2]), joint, lambda x: measured(x[:3], x[3:]))
     predicted = moments(pose, covariance, landmark)
     np.testing.assert_allclose((predicted.range_m, predicted.bearing_rad), mean, atol=1e-9)
     noise = np.array(((NOISE.rr, NOISE.rb), (NOISE.rb, NOISE.bb)))
@@ -174,7 +171,7 @@ def test_every_landmark_gets_fresh_sigma_points() -> None:
         block[:3, :3] = expected_covariance
         block[3:, 3:] = ((landmark[2], landmark[3]), (landmark[3], landmark[4]))
         mean, spread, crossed = unscented_transform(
-            np.append(expected_pose, landmark[:2]), block, lambda x: measured(x[:3], x[3:]), SETTINGS
+            np.append(expected_pose, landmark[:2]), block, lambda x: measured(x[:3], x[3:])
         )
         spread += ((NOISE.rr, NOISE.rb), (NOISE.rb, NOISE.bb))
         gain = crossed[:3] @ np.linalg.inv(spread)

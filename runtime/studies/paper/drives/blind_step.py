@@ -36,7 +36,8 @@ def blind_step(
     """
     changes = {
         "particles": particles,
-        "association": {"strategy": "known", "match_known": -1000.0},
+        "association": {"strategy": "known"},
+        "gates": {"match_known": 2000.0},
         "techniques": {"existence": False},
     }
     settings = SlamSettings.model_validate(merged(arm_settings(arm), changes))

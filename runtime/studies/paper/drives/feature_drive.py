@@ -79,7 +79,7 @@ def feature_drive(
     truth = in_start_frame(drive.truth[: len(wanted)])
     particles_cpu_s = joint_cpu_s = 0.0
     likelihoods = 0
-    filter_, odometry = FastSlam(settings, np.random.default_rng(seed)), Odometry(settings.odometry, settings.unscented)
+    filter_, odometry = FastSlam(settings, np.random.default_rng(seed)), Odometry(settings.odometry)
     joint = None if arm == NORMAL else JointGaussian(settings.joint, settings.mount.as_pose(), settings.tuning())
     front_end = GivenFrontEnd(settings.front_end)
     vote = FeatureVote(difference=settings.techniques.difference, sparse=settings.techniques.sparse)

@@ -31,12 +31,12 @@ def outdoor_drive(
     front_end "paper": differencing and range extrema as printed, with a noise that suits them (ours).
     """
     mount = world_settings(seed).laser.body_from_laser
-    changes: dict[str, Any] = {"particles": particles, "mount": {"x_m": mount[0]}, "map_every": 1}
+    changes: dict[str, Any] = {"particles": particles, "mount": {"x_m": mount[0]}}
     if front_end == "paper":
         changes["front_end"] = {"kind": "paper", "sigma_range_floor_m": 0.1, "sigma_bearing_floor_rad": 0.01}
     settings = SlamSettings.model_validate(merged(changes, arm_settings(arm)))
     steps = outdoor_steps(seed, duration_s)
-    estimator = Estimator(settings, seed)
+    estimator = Estimator(settings, seed, map_every=1)
     estimates = []
     began_s = time.process_time()
     likelihoods = 0.0

@@ -1,0 +1,87 @@
+"""[vehicle]: what is a fact of the vehicle, whoever asks: the driver, the filter or a report."""
+
+import math
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+JUMP_FACTOR = 1.5  # times the top speed: what moves faster between two samples is a jump and no motion
+
+
+class VehicleSettings(BaseModel):
+    """Geometry of the vehicle and how its motion is measured. Used by the wheels' driver and by the filter.
+
+    Take the numbers from drawing and data sheet, drive some loops both ways, and let `infant calibrate RUN`
+    correct radii and tread.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    motion_model: Literal["differential", "steered", "speed_yaw_rate", "pose"] = Field(
+        default="differential",
+        description="what the wheels tell: counts of two wheels, speed and steering angle, speed and yaw rate, or "
+        "poses of a robot's own odometry. A live rover is differential",
+    )
+    wheel_radius_left_m: float = Field(
+        default=0.125,
+        gt=0.001,
+        le=2.0,
+        description="radius under load, m; 0.125 in Table II of the paper. `infant calibrate` finds it to 0.1 %",
+    )
+    wheel_radius_right_m: float = Field(default=0.125, gt=0.001, le=2.0, description="the same of the right wheel, m")
+    tread_m: float = Field(
+        default=0.5,
+        gt=0.05,
+        le=5.0,
+        description="distance between the wheels' points of contact, m; 0.5 in Table II of the paper. "
+        "`infant calibrate` finds it",
+    )
+    counts_per_rev: float = Field(
+        default=4096.0,
+        gt=0.0,
+        le=1e7,
+        description="counts per turn of the wheel, gear included; 1024 lines x 4 on the rover. From the data sheet; a "
+        "node that reports its own is compared with it",
+    )
+    wheel_base_m: float = Field(
+        default=2.83,
+        gt=0.0,
+        le=20.0,
+        description="distance from the rear axle to the steered one, m (steered only). From the drawing",
+    )
+    speed_wheel_offset_m: float = Field(
+        default=0.76,
+        ge=-5.0,
+        le=5.0,
+        description="m by which the wheel whose speed is measured stands left of the centre (steered only)",
+    )
+    steering_scale: float = Field(
+        default=1.0,
+        ge=0.5,
+        le=2.0,
+        description="true steering angle over measured (steered only); `infant calibrate` finds it",
+    )
+    steering_bias_rad: float = Field(
+        default=0.0,
+        ge=-0.5,
+        le=0.5,
+        description="rad added after the scale (steered only); `infant calibrate` finds it",
+    )
+    max_speed_mps: float = Field(
+        default=1.944,
+        gt=0.01,
+        le=100.0,
+        description="top speed of a wheel, m/s; 7 km/h (paper, Table II). What moves 1.5 times as fast between two "
+        "samples is a jump: raise it for a faster vehicle, and for logs whose stamps are rough",
+    )
+
+    @property
+    def counts_per_metre(self) -> float:
+        """Counts for one metre rolled, by the mean of both radii."""
+        radius_m = 0.5 * (self.wheel_radius_left_m + self.wheel_radius_right_m)
+        return self.counts_per_rev / (2.0 * math.pi * radius_m)
+
+    @property
+    def jump_speed_mps(self) -> float:
+        """What is faster than this is a jump."""
+        return JUMP_FACTOR * self.max_speed_mps

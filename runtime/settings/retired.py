@@ -1,0 +1,245 @@
+"""Keys that configurations once had: where their numbers are now, and how the configuration of an old run is read.
+
+In a file such a key is refused with the place of its number; in a recorded header it is translated or passed over, so
+that every run that was ever recorded still replays.
+"""
+
+import tomllib
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+from drivers.settings.vehicle import JUMP_FACTOR
+
+Tree = dict[str, Any]
+MISSING = object()
+
+
+class Moved(NamedTuple):
+    """A key under another name: the keys that took its place, and the value that they get for an old one.
+
+    entered_replays: whether a replay depended on it; the driver's own copies of the geometry did not.
+    """
+
+    keys: tuple[str, ...]
+    value: Callable[[Any], Any] = lambda value: value
+    entered_replays: bool = True
+
+
+GEOMETRY = (
+    "wheel_radius_left_m",
+    "wheel_radius_right_m",
+    "tread_m",
+    "counts_per_rev",
+    "wheel_base_m",
+    "speed_wheel_offset_m",
+    "steering_scale",
+    "steering_bias_rad",
+)
+MOVED: dict[str, Moved] = {
+    **{f"slam.odometry.{name}": Moved((f"vehicle.{name}",)) for name in GEOMETRY},
+    "slam.odometry.model": Moved(("vehicle.motion_model",)),
+    "slam.odometry.max_speed_mps": Moved(("vehicle.max_speed_mps",), lambda jump_mps: jump_mps / JUMP_FACTOR),
+    "encoders.counts_per_rev": Moved(("vehicle.counts_per_rev",), entered_replays=False),
+    "encoders.wheel_radius_m": Moved(
+        ("vehicle.wheel_radius_left_m", "vehicle.wheel_radius_right_m"), entered_replays=False
+    ),
+    "encoders.max_speed_mps": Moved(("vehicle.max_speed_mps",), entered_replays=False),
+    "slam.association.match_base": Moved(("slam.gates.match",), lambda bound: -2.0 * bound),
+    "slam.association.match_per_metre": Moved(("slam.gates.match_per_metre",), lambda bound: 2.0 * bound),
+    "slam.association.match_known": Moved(("slam.gates.match_known",), lambda bound: -2.0 * bound),
+    "slam.joint.match_base_square": Moved(("slam.gates.match",)),
+    "slam.joint.match_per_metre_square": Moved(("slam.gates.match_per_metre",)),
+    "slam.joint.match_known_square": Moved(("slam.gates.match_known",)),
+}
+"""In the order in which they count: what comes later is told as ignored where it contradicts."""
+
+CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
+    "slam/estimator.py": {
+        "slam.map_every": (10, "MAP_EVERY"),
+    },
+    "slam/front_end/alignment.py": {
+        "slam.front_end.alignment.scans": (5, "PAST_SCANS"),
+        "slam.front_end.alignment.points": (200, "MOST_POINTS"),
+        "slam.front_end.alignment.wheels_sigma_m": (0.02, "WHEELS_SIGMA_M"),
+        "slam.front_end.alignment.wheels_sigma_rad": (0.01, "WHEELS_SIGMA_RAD"),
+        "slam.front_end.alignment.least_points": (25, "LEAST_POINTS"),
+        "slam.front_end.alignment.least_share": (0.3, "LEAST_SHARE"),
+        "slam.front_end.alignment.widest_square": (30.0, "WIDEST_SQUARE"),
+    },
+    "slam/front_end/alignment_search.py": {
+        "slam.front_end.alignment.gate_first_m": (1.0, "GATE_FIRST_M"),
+        "slam.front_end.alignment.gate_last_m": (0.15, "GATE_LAST_M"),
+        "slam.front_end.alignment.starts": (3, "STARTS"),
+        "slam.front_end.alignment.narrowing_steps": (6, "NARROWING_STEPS"),
+        "slam.front_end.alignment.final_steps": (10, "FINAL_STEPS"),
+        "slam.front_end.alignment.coarse_points": (60, "COARSE_POINTS"),
+        "slam.front_end.alignment.sigma_m": (0.03, "SIGMA_M"),
+        "slam.front_end.alignment.correlated_beams": (2.0, "CORRELATED_BEAMS"),
+    },
+    "slam/front_end/corners.py": {
+        "slam.front_end.line_split_m": (0.08, "LINE_SPLIT_M"),
+        "slam.front_end.line_rms_m": (0.03, "LINE_RMS_M"),
+        "slam.front_end.line_beams": (4, "LINE_BEAMS"),
+        "slam.front_end.line_m": (0.2, "LINE_M"),
+        "slam.front_end.corner_rad": (0.7, "CORNER_RAD"),
+        "slam.front_end.end_spacing_m": (0.12, "END_SPACING_M"),
+        "slam.front_end.sigma_corner_m": (0.02, "SIGMA_CORNER_M"),
+    },
+    "slam/front_end/differencing.py": {
+        "slam.front_end.youngest_s": (0.4, "YOUNGEST_S"),
+        "slam.front_end.oldest_s": (1.1, "OLDEST_S"),
+        "slam.front_end.votes": (5, "VOTES"),
+        "slam.front_end.support_share": (0.65, "SUPPORT_SHARE"),
+        "slam.front_end.least_support": (2, "LEAST_SUPPORT"),
+        "slam.front_end.tolerance_m": (0.12, "TOLERANCE_M"),
+        "slam.front_end.tolerance_rad": (0.006, "TOLERANCE_RAD"),
+        "slam.front_end.feature_tolerance_m": (0.08, "FEATURE_TOLERANCE_M"),
+        "slam.front_end.difference_m": (0.1, "DIFFERENCE_M"),
+    },
+    "slam/front_end/spacing.py": {
+        "slam.front_end.spacing_m": (0.1, "SPACING_M"),
+    },
+    "slam/front_end/trunks.py": {
+        "slam.front_end.gap_m": (0.1, "GAP_M"),
+        "slam.front_end.gap_beams": (3.0, "GAP_BEAMS"),
+        "slam.front_end.bridge_beams": (1, "BRIDGE_BEAMS"),
+        "slam.front_end.guard_beams": (2, "GUARD_BEAMS"),
+        "slam.front_end.prominence_m": (0.3, "PROMINENCE_M"),
+        "slam.front_end.thin_prominence_m": (0.6, "THIN_PROMINENCE_M"),
+        "slam.front_end.roughness": (0.12, "ROUGHNESS"),
+    },
+    "slam/joint/evidence.py": {
+        "slam.joint.settled_scans": (30, "SETTLED_SCANS"),
+        "slam.quality.settled_scans": (30, "SETTLED_SCANS"),
+    },
+    "slam/joint/gaussian.py": {
+        "slam.joint.match_widest_square": (13.816, "MATCH_WIDEST_SQUARE"),
+        "slam.joint.slip_square": (100.0, "SLIP_SQUARE"),
+        "slam.joint.create_square": (25.0, "CREATE_SQUARE"),
+        "slam.joint.confirmed_log_odds": (3.0, "CONFIRMED_LOG_ODDS"),
+        "slam.joint.association": ("own", "Variant.association"),
+        "slam.joint.creation": ("licensed", "Variant.creation"),
+        "slam.joint.jacobians": ("invariant", "Variant.jacobians"),
+    },
+    "slam/joint/state.py": {
+        "slam.joint.distance_scale_sigma": (0.02, "DISTANCE_SCALE_SIGMA"),
+        "slam.joint.turn_scale_sigma": (0.02, "TURN_SCALE_SIGMA"),
+        "slam.joint.curvature_sigma_radpm": (0.001, "CURVATURE_SIGMA_RADPM"),
+    },
+    "slam/odometry/odometry.py": {
+        "slam.odometry.max_yaw_rate_radps": (10.0, "MAX_YAW_RATE_RADPS"),
+        "slam.odometry.rest_tolerance_counts": (1.0, "REST_TOLERANCE_COUNTS"),
+    },
+    "slam/odometry/wheel_segments.py": {
+        "slam.odometry.gap_speed_mps": (0.5, "GAP_SPEED_MPS"),
+        "slam.odometry.gap_yaw_rate_radps": (0.5, "GAP_YAW_RATE_RADPS"),
+        "slam.odometry.extrapolation_s": (0.1, "EXTRAPOLATION_S"),
+    },
+    "slam/quality.py": {
+        "slam.quality.found_share": (0.03, "FOUND_SHARE"),
+        "slam.quality.lost_blind_scans": (20, "LOST_BLIND_SCANS"),
+        "slam.quality.uncertain_gap_m": (1.5, "UNCERTAIN_GAP_M"),
+        "slam.quality.uncertain_square": (8.0, "UNCERTAIN_SQUARE"),
+        "slam.quality.lost_sigma_m": (10.0, "LOST_SIGMA_M"),
+        "slam.quality.lost_sigma_rad": (1.8, "LOST_SIGMA_RAD"),
+        "slam.quality.uncertain_m": (1.0, "UNCERTAIN_M"),
+        "slam.quality.lost_m": (5.0, "LOST_M"),
+    },
+    "slam/settings/sigma_points.py": {
+        "slam.unscented.alpha": (0.9, "ALPHA"),
+        "slam.unscented.beta": (2.0, "BETA"),
+        "slam.unscented.kappa": (0.0, "KAPPA"),
+    },
+    "slam/settings/tuning.py": {
+        "slam.association.match_floor": (-8.0, "Tuning.match_widest_square"),
+        "slam.association.match_fixed": (-4.605, "Tuning.match_fixed_square"),
+        "slam.association.create_distance": (50.0, "Tuning.create_square"),
+        "slam.association.log_unmatched": (-7.0, "Tuning.log_unmatched"),
+        "slam.existence.new": (0.6, "Tuning.log_odds_new"),
+        "slam.existence.seen": (1.0, "Tuning.log_odds_seen"),
+        "slam.existence.missed": (0.7, "Tuning.log_odds_missed"),
+        "slam.existence.highest": (6.0, "Tuning.log_odds_max"),
+        "slam.existence.remove": (-1.0, "Tuning.log_odds_remove"),
+        "slam.view.sight_margin_m": (0.5, "Tuning.sight_margin_m"),
+        "slam.view.sight_half_width_m": (0.3, "Tuning.sight_half_width_m"),
+        "slam.cell_m": (15.0, "Tuning.cell_m"),
+    },
+}
+"""By file: the key, the constant that it became, and that constant's name there."""
+
+PLACES = {key: (value, f"{name} in {file}") for file, keys in CONSTANTS.items() for key, (value, name) in keys.items()}
+
+
+def refusals(tree: Tree) -> Iterator[str]:
+    """One sentence for every key of a file that is no longer a setting."""
+    for key, (value, place) in PLACES.items():
+        if _value(tree, key) is not MISSING:
+            yield f"{key}: is no longer a setting (it is {value}, see {place}); remove the line"
+    for key, moved in MOVED.items():
+        if _value(tree, key) is not MISSING:
+            yield f"{key}: is no longer a setting; give {' and '.join(moved.keys)} instead"
+
+
+def translated(tree: Tree) -> tuple[Tree, list[str]]:
+    """The configuration of a recorded run in the keys of today, and what of it is ignored: one phrase for each key."""
+    tree, ignored = _copy(tree), []
+    for key, moved in MOVED.items():
+        old = _taken(tree, key)
+        if old is MISSING:
+            continue
+        value = moved.value(old)
+        for new in moved.keys:
+            there = _value(tree, new)
+            if there is MISSING:
+                _put(tree, new, value)
+            elif there != value and moved.entered_replays:
+                ignored.append(f"{key} = {old} is ignored, {new} is {there}")
+    for key, (value, place) in PLACES.items():
+        old = _taken(tree, key)
+        if old is not MISSING and old != value:
+            ignored.append(f"{key} = {old} is ignored, it is {value} ({place})")
+    return tree, ignored
+
+
+def ignored_settings(text: str) -> list[str]:
+    """What the configuration text of a recorded run says that is not done any more, one phrase for each key."""
+    return translated(tomllib.loads(text))[1]
+
+
+def _copy(tree: Tree) -> Tree:
+    return {key: _copy(value) if isinstance(value, dict) else value for key, value in tree.items()}
+
+
+def _tables(tree: Tree, key: str) -> list[Tree]:
+    """The tables on the way to a key, as far as they are there."""
+    tables = [tree]
+    for name in key.split(".")[:-1]:
+        inner = tables[-1].get(name)
+        if not isinstance(inner, dict):
+            break
+        tables.append(inner)
+    return tables
+
+
+def _value(tree: Tree, key: str) -> Any:
+    names, tables = key.split("."), _tables(tree, key)
+    return tables[-1].get(names[-1], MISSING) if len(tables) == len(names) else MISSING
+
+
+def _taken(tree: Tree, key: str) -> Any:
+    """The value at a key, taken out with the tables below the top that it leaves empty."""
+    names, tables = key.split("."), _tables(tree, key)
+    if len(tables) < len(names):
+        return MISSING
+    value = tables[-1].pop(names[-1], MISSING)
+    for name, above, table in zip(names[-2::-1], tables[-2::-1], tables[:0:-1], strict=True):
+        if value is not MISSING and not table and above is not tree:
+            del above[name]
+    return value
+
+
+def _put(tree: Tree, key: str, value: Any) -> None:
+    *tables, last = key.split(".")
+    for table in tables:
+        tree = tree.setdefault(table, {})
+    tree[last] = value
