@@ -102,18 +102,22 @@ def load_configuration_text(
     for key, value in (overrides or {}).items():
         _set(set_, key, value)
     if problems := [*refusals(set_), *([] if recorded else refusals(tree))]:
-        raise ConfigurationError("\n".join(f"{source}: {problem}" for problem in problems))
+        raise _refused(source, problems)
     tree = translated(tree)[0] if recorded else tree
     for key, value in (overrides or {}).items():
         _set(tree, key, value)
     if problems := [f"{key}: unknown key; the geometry stands in [vehicle]" for key in _handed_on(tree)]:
-        raise ConfigurationError("\n".join(f"{source}: {problem}" for problem in problems))
+        raise _refused(source, problems)
     try:
         # JSON mode: strict about types, yet lists fill tuples and words fill enumerations
         return Configuration.model_validate_json(json.dumps(tree, default=str), strict=True)
     except ValidationError as error:
-        problems = "\n".join(f"{source}: {_sentence(problem)}" for problem in error.errors())
-        raise ConfigurationError(problems) from error
+        problems = [_sentence(problem) for problem in error.errors()]
+        raise _refused(source, problems) from error
+
+
+def _refused(source: str, problems: list[str]) -> ConfigurationError:
+    return ConfigurationError("\n".join(f"{source}: {problem}" for problem in problems))
 
 
 def _parsed(text: str, source: str) -> Tree:

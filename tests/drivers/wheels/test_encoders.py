@@ -23,6 +23,7 @@ from drivers.settings.can import BusSettings
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.layouts import Cia406Layout
 from drivers.settings.simulated_wheels import SimulatedWheelSettings
+from drivers.settings.vehicle import VehicleSettings
 from drivers.simulated.wheels.node import WheelNode
 from drivers.wheels.encoders import CanEncoders
 from tests.support.drivers.candump_replay import CandumpReplay
@@ -334,7 +335,13 @@ def test_a_recorded_candump_replayed_over_the_bus_arrives_whole(recorded_data: C
     log = recorded_data("can_encoder") / "infant_candump.log"
     bus = virtual_bus()
     # four times as fast, and so are the nodes that the reader expects
-    settings = EncoderSettings(bus=bus, period_ms=5.0, max_speed_mps=7.776, degraded_periods=50.0, silent_periods=500.0)
+    settings = EncoderSettings(
+        vehicle=VehicleSettings(max_speed_mps=7.776),
+        bus=bus,
+        period_ms=5.0,
+        degraded_periods=50.0,
+        silent_periods=500.0,
+    )
     tap = Tap()
     encoders = CanEncoders(settings, time.monotonic_ns, tap)
     listener = Listener(encoders)

@@ -12,6 +12,7 @@ from drivers.canbus.frame import EXTENDED, FD, REMOTE, CanFrame
 from drivers.measurements import DriverError
 from drivers.settings.encoders import EncoderSettings, WheelSettings
 from drivers.settings.layouts import Cia406Layout, DbcLayout, PresetLayout, SignalsLayout
+from drivers.settings.vehicle import VehicleSettings
 from drivers.settings.wheel_signals import MessageSettings, SignalSettings, WheelSignals
 from drivers.wheels.layouts.choose import dbc_messages, layout_messages, wheel_frames
 from drivers.wheels.layouts.crc8 import crc8
@@ -36,7 +37,7 @@ def civic(folder: Path) -> EncoderSettings:
             right=wheel.model_copy(update={"speed": "WHEEL_SPEED_RR"}),
         ),
         period_ms=20.0,
-        max_speed_mps=60.0,
+        vehicle=VehicleSettings(max_speed_mps=60.0),
     )
 
 
