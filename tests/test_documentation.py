@@ -17,12 +17,12 @@ import pytest
 import typer
 
 from docs.generate.command_page import error_classes, helps
-from docs.generate.configuration_page import models_in, tables
 from docs.generate.pages import PAGES
 from docs.generate.wire_page import ASKED, PUBLISHED
 from runtime.cli.__main__ import app
 from runtime.health import RunState
 from runtime.settings.configuration import Configuration, load_configuration_text
+from runtime.settings.keys import tables
 from runtime.source_tree import ROOT
 from tests.support.zenoh.wire import free_port, listening, publishing, put_ticks, settings_on, until
 
@@ -191,12 +191,10 @@ def readme_lines_on_a_run() -> list[str]:
 def test_every_key_of_the_configuration_stands_in_its_reference_with_its_description() -> None:
     page = PAGES["configuration.md"]()
     missing = []
-    for path, _, model in tables():
-        for name, field in model.model_fields.items():
-            if models_in(field.annotation):
-                continue
+    for table in tables():
+        for name, field in table.leaves():
             if f"| `{name}` |" not in page or (name != "kind" and not field.description):
-                missing.append(f"{path}.{name}")
+                missing.append(f"{table.path}.{name}")
     assert missing == []
     assert "typing." not in page
     assert "<class" not in page
@@ -204,11 +202,10 @@ def test_every_key_of_the_configuration_stands_in_its_reference_with_its_descrip
 
 def test_a_default_of_the_reference_is_the_one_in_force() -> None:
     page = PAGES["configuration.md"]()
-    section = page.partition("## [publish]")[2].partition("\n## ")[0]
-    row = next(line for line in section.splitlines() if line.startswith("| `lease_ms`"))
-    default = f" `{Configuration().publish.lease_ms}` "
-    assert row.split("|")[2:6] == [" whole number ", " ms ", " ≥ 500, ≤ 60000 ", default]
-    load_configuration_text("[publish]\nlease_ms = 500\n")
+    section = page.partition("### [publish]")[2].partition("\n### ")[0]
+    row = next(line for line in section.splitlines() if line.startswith("| `ros2_domain`"))
+    assert row.split("|")[2] == f" whole number, ≥ 0, ≤ 232, default `{Configuration().publish.ros2_domain}` "
+    load_configuration_text("[publish]\nros2_domain = 232\n")
 
 
 def test_the_help_of_every_command_fits_a_screen() -> None:

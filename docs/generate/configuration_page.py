@@ -1,8 +1,7 @@
-"""The reference of the configuration, made from the models that read it: no key can be forgotten."""
+"""The reference of the configuration, made from the models that read it and grouped by what a reader wants to do."""
 
 import json
 import typing
-from collections.abc import Iterator
 from enum import Enum
 from types import UnionType
 from typing import Any
@@ -11,7 +10,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from runtime.settings.configuration import Configuration
+from runtime.settings.keys import Table, tables
 
 UNITS = {
     "m": "m",
@@ -40,54 +39,77 @@ UNITS = {
 }
 """What the last part of a key says of its unit."""
 BOUNDS = (("gt", ">"), ("ge", "≥"), ("lt", "<"), ("le", "≤"))
+TASKS = {
+    "Which rover is it, and how does it run?": ("", "loop"),
+    "Which sensors do I have?": ("laser", "encoders"),
+    "Where is the laser mounted?": ("slam.mount",),
+    "Which vehicle is it?": ("vehicle", "slam.odometry"),
+    "How is it recorded?": ("record", "data_set"),
+    "How is it published and drawn?": ("publish", "review"),
+    "Which place is it in?": ("slam.front_end", "slam.view", "slam.quality"),
+    "For studies, and without a rover": (
+        "slam",
+        "slam.techniques",
+        "slam.association",
+        "slam.gates",
+        "slam.joint",
+        "slam.front_end.alignment",
+        "simulation",
+    ),
+}
+"""Tables by task. A table that is not named goes with the nearest one above it that is."""
 HEAD = """# Configuration
 
-A configuration is one TOML file. Every key has a default unless the table says *required*; `infant check --config FILE`
-tells whether a file can be used, and a wrong key, type or value is one sentence with the key's full name (exit code 3).
-Any key can be changed for one run: `infant run --config FILE --set slam.particles=200`. The configuration in force is
-kept in each run as `config.toml`.
+A configuration is one TOML file. Every key has a default unless it is *required*, and most files need few:
+`config/rover.toml` is one to copy. `infant check --config FILE` tells whether a file can be used; a wrong key, type or
+value is one sentence with the key's full name (exit code 3). Any key can be changed for one run:
+`infant run --config FILE --set slam.particles=200`. The configuration in force is kept in each run as `config.toml`.
+
+What stands here someone has a reason to change. Every other number is a constant beside the code that uses it, with its
+origin.
 
 This page is made from the models that read the file (`make docs`).
 """
 
 
 def configuration_page() -> str:
-    """The page, as Markdown: one table for each table of the file."""
-    sections = [f"\n## {_title(path, kind)}\n\n{_about(model)}{_table(path, model)}" for path, kind, model in tables()]
-    return HEAD + "".join(sections)
+    """The page, as Markdown: a section for each task, in it one table for each table of the file."""
+    found = list(tables())
+    return HEAD + "".join(
+        f"\n## {task}\n"
+        + "".join(_section(table) for table in found if task_of(table.path) == task and not _again(table))
+        for task in TASKS
+    )
 
 
-def tables() -> Iterator[tuple[str, str, type[BaseModel]]]:
-    """Every table of the file, the kind it belongs to where there is a choice of tables ("" elsewhere), its model."""
-    yield from _walk("", "", Configuration)
+def task_of(path: str) -> str:
+    """The task that a table belongs to."""
+    while True:
+        for task, paths in TASKS.items():
+            if path in paths:
+                return task
+        path = path.rpartition(".")[0]
 
 
-def _walk(path: str, kind: str, model: type[BaseModel]) -> Iterator[tuple[str, str, type[BaseModel]]]:
-    kind = _kind(model) or kind
-    yield path, kind, model
-    for name, field in model.model_fields.items():
-        for inner in models_in(field.annotation):
-            yield from _walk(f"{path}.{name}".lstrip("."), kind, inner)
+def _again(table: Table) -> bool:
+    """Whether the table is shown already: that of the left wheel holds for the right one."""
+    return "right" in table.path.split(".")
 
 
-def _kind(model: type[BaseModel]) -> str:
-    """The word by which the file chooses this model among several."""
-    field = model.model_fields.get("kind")
-    words = typing.get_args(field.annotation) if field is not None else ()
-    return str(words[0]) if len(words) == 1 else ""
+def _section(table: Table) -> str:
+    rows = [_row(name, field) for name, field in table.leaves()]
+    if not rows:
+        return ""
+    head = "| key | value | what it is, when to change it |\n|---|---|---|\n"
+    return f"\n### {_title(table)}\n\n{_about(table.model)}{head}{''.join(rows)}"
 
 
-def models_in(annotation: Any) -> list[type[BaseModel]]:
-    """The models that a field may hold: none for a value, several for a choice."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for inner in typing.get_args(annotation) for model in models_in(inner)]
-
-
-def _title(path: str, kind: str) -> str:
-    if not path:
+def _title(table: Table) -> str:
+    if not table.path:
         return "The top of the file"
-    return f"[{path}]" + (f" where kind is {kind}" if kind else "")
+    right = table.path.replace(".left", ".right")
+    names = f"[{table.path}]" + (f" and [{right}]" if right != table.path else "")
+    return names + (f" where kind is {table.kind}" if table.kind else "")
 
 
 def _about(model: type[BaseModel]) -> str:
@@ -95,21 +117,10 @@ def _about(model: type[BaseModel]) -> str:
     return f"{_escaped(' '.join(text.split()))}\n\n" if text else ""
 
 
-def _table(path: str, model: type[BaseModel]) -> str:
-    rows = [_row(name, field) for name, field in model.model_fields.items() if not models_in(field.annotation)]
-    inner = [name for name, field in model.model_fields.items() if models_in(field.annotation)]
-    text = ""
-    if rows:
-        text = "| key | type | unit | range | default | what it is |\n|---|---|---|---|---|---|\n" + "".join(rows)
-    if inner:
-        names = dict.fromkeys(f"`[{f'{path}.{name}'.lstrip('.')}]`" for name in inner)
-        text += f"\nTables below: {', '.join(names)}.\n"
-    return text
-
-
 def _row(name: str, field: FieldInfo) -> str:
-    cells = (f"`{name}`", _words(field.annotation), unit(name), _range(field), _default(field), field.description or "")
-    return "| " + " | ".join(_escaped(cell) for cell in cells) + " |\n"
+    facts = [_words(field.annotation), unit(name), _range(field), _default(field)]
+    value = ", ".join(fact for fact in facts if fact)
+    return f"| `{name}` | {_escaped(value)} | {_escaped(field.description or '')} |\n"
 
 
 def unit(name: str) -> str:
@@ -155,11 +166,11 @@ def _default(field: FieldInfo) -> str:
         return "*required*"
     value = field.get_default(call_default_factory=True)
     if value is None or value is PydanticUndefined:
-        return "absent"
+        return "default: absent"
     if isinstance(value, BaseModel):
         return ""
     value = value.value if isinstance(value, Enum) else value
-    return f"`{json.dumps(value, default=str, ensure_ascii=False)}`"
+    return f"default `{json.dumps(value, default=str, ensure_ascii=False)}`"
 
 
 def _escaped(text: str) -> str:

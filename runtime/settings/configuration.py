@@ -28,12 +28,10 @@ from slam.settings.slam import SlamSettings
 
 Tree = dict[str, Any]
 
-SHARED = frozenset(VehicleSettings.model_fields)
-HANDED_ON: dict[str, Any] = {
-    "slam": {"odometry": {*(SHARED & set(OdometrySettings.model_fields)), "model", "jump_speed_mps"}},
-    "encoders": {"vehicle"},
-}
-"""Fields that no file sets: they are filled from [vehicle]."""
+SHARED = frozenset(VehicleSettings.model_fields) & set(OdometrySettings.model_fields)
+HANDED_ON = {"slam.odometry": SHARED | {"model", "jump_speed_mps"}, "encoders": frozenset({"vehicle"})}
+"""By table: fields that no file sets, because they are filled from [vehicle]."""
+HIDDEN: Any = {"slam": {"odometry": HANDED_ON["slam.odometry"]}, "encoders": HANDED_ON["encoders"]}
 
 
 class Configuration(BaseModel):
@@ -58,7 +56,7 @@ class Configuration(BaseModel):
     def _hand_the_vehicle_on(self) -> Self:
         """Give filter and driver the geometry, each in its own form; neither has keys for it."""
         vehicle = self.vehicle
-        geometry = {name: getattr(vehicle, name) for name in HANDED_ON["slam"]["odometry"] if name in SHARED}
+        geometry = {name: getattr(vehicle, name) for name in SHARED}
         geometry |= {"model": vehicle.motion_model, "jump_speed_mps": vehicle.jump_speed_mps}
         odometry = self.slam.odometry.model_copy(update=geometry)
         object.__setattr__(self, "slam", self.slam.model_copy(update={"odometry": odometry}))
@@ -69,12 +67,19 @@ class Configuration(BaseModel):
     @property
     def text(self) -> str:
         """The configuration in force as canonical TOML; load_configuration_text gives it back."""
-        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True, exclude=HANDED_ON))
+        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True, exclude=HIDDEN))
 
     @property
     def sha256(self) -> str:
         """Hash of the canonical text, hexadecimal."""
         return hashlib.sha256(self.text.encode()).hexdigest()
+
+
+def models_in(annotation: Any) -> list[type[BaseModel]]:
+    """The models that a field may hold: none for a value, several for a choice."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for inner in typing.get_args(annotation) for model in models_in(inner)]
 
 
 def load_configuration(path: Path, overrides: Mapping[str, str] | None = None) -> Configuration:
@@ -129,14 +134,13 @@ def _parsed(text: str, source: str) -> Tree:
 
 def _handed_on(tree: Tree) -> list[str]:
     """Keys in the tree that are none: fields that are filled from [vehicle]."""
-    tables = {"slam.odometry": tree.get("slam", {}), "encoders": tree}
-    return [
-        f"{table}.{name}"
-        for table, names in (("slam.odometry", HANDED_ON["slam"]["odometry"]), ("encoders", HANDED_ON["encoders"]))
-        for above in [tables[table]]
-        if isinstance(above, dict) and isinstance(inner := above.get(table.split(".")[-1]), dict)
-        for name in sorted(names & inner.keys())
-    ]
+    found = []
+    for path, names in HANDED_ON.items():
+        table: Any = tree
+        for name in path.split("."):
+            table = table.get(name) if isinstance(table, dict) else None
+        found += [f"{path}.{name}" for name in sorted(names) if isinstance(table, dict) and name in table]
+    return found
 
 
 def _set(tree: Tree, key: str, text: str) -> None:
@@ -187,12 +191,7 @@ def _fields_at(location: tuple[str | int, ...]) -> list[str]:
         following: list[Any] = []
         for model in candidates:
             if part in model.model_fields:
-                following += _models_in(model.model_fields[str(part)].annotation)
+                following += models_in(model.model_fields[str(part)].annotation)
         candidates = following or candidates  # a union's tag is part of the location but not a field
-    return sorted({name for model in candidates for name in model.model_fields})
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for inner in typing.get_args(annotation) for model in _models_in(inner)]
+    hidden = HANDED_ON.get(".".join(str(part) for part in location), frozenset())
+    return sorted({name for model in candidates for name in model.model_fields} - hidden)

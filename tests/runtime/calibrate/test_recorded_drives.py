@@ -68,7 +68,7 @@ def test_the_search_begins_at_what_the_configuration_says() -> None:
 
 
 def test_odometry_without_wheels_is_refused_in_a_sentence(tmp_path: Path) -> None:
-    with pytest.raises(DataSetError, match=r"slam\.odometry\.model"):
+    with pytest.raises(DataSetError, match=r"vehicle\.motion_model"):
         start_from(load_configuration_text('[vehicle]\nmotion_model = "pose"\n'))
     folder = _record(tmp_path / "run", [Tick(0, BOOT_NS, None, (OdometryPose(BOOT_NS, 0.0, 0.0, 0.0),))])
     with pytest.raises(DataSetError, match="OdometryPose"):

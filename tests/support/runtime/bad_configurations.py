@@ -12,7 +12,8 @@ import tomli_w
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from runtime.settings.configuration import Configuration
+from runtime.settings.configuration import Configuration, models_in
+from runtime.settings.keys import Table
 
 Path = tuple[str, ...]
 
@@ -31,21 +32,16 @@ class Bad:
         return f"{self.kind} {self.key} {self.value}"
 
 
-def models_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for inner in typing.get_args(annotation) for model in models_in(inner)]
-
-
-def fields(model: type[BaseModel], above: Path = ()) -> Iterator[tuple[Path, FieldInfo, type[BaseModel] | None]]:
-    """Every key below a model, tables included; unions of tables are not gone into."""
-    for name, field in model.model_fields.items():
+def fields(table: Table) -> Iterator[tuple[Path, FieldInfo, type[BaseModel] | None]]:
+    """Every key below a table, tables included; unions of tables are not gone into."""
+    above = tuple(table.path.split(".")) if table.path else ()
+    for name, field in table.fields():
         inner = models_in(field.annotation)
-        table = inner[0] if len(inner) == 1 and "tuple" not in str(field.annotation) else None
-        if not inner or table is not None:
-            yield (*above, name), field, table
-        if table is not None:
-            yield from fields(table, (*above, name))
+        below = inner[0] if len(inner) == 1 and "tuple" not in str(field.annotation) else None
+        if not inner or below is not None:
+            yield (*above, name), field, below
+        if below is not None:
+            yield from fields(Table(".".join((*above, name)), "", below))
 
 
 def text_with(path: Path, value: Any) -> str:
@@ -113,7 +109,7 @@ def misspelt(name: str, rng: random.Random) -> str:
 
 def generated(rng: random.Random) -> Iterator[Bad]:
     """Wrong types, values out of range and misspelt names, for every key there is."""
-    for path, field, table in fields(Configuration):
+    for path, field, table in fields(Table("", "", Configuration)):
         key = ".".join(path)
         for value in wrong_types(path, field, table):
             yield Bad("type", text_with(path, value), key, repr(value))
