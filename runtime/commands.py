@@ -25,12 +25,12 @@ class Command(StrEnum):
     """Write this tick and then no more; the rover drives on and publishes."""
 
 
-def asked(event: Event) -> Command | None:
+def command_of(event: Event) -> Command | None:
     """The command that an event of a tick is, None for all other events."""
     return Command(event.kind) if event.source == SOURCE and event.kind in tuple(Command) else None
 
 
-class CommandDesk:
+class CommandQueue:
     """Takes commands on any thread and hands events to the loop; neither ever waits for the other."""
 
     def __init__(self, now_ns: Callable[[], int]) -> None:
@@ -42,7 +42,7 @@ class CommandDesk:
         """Commands since the last call, in the order of their arrival; the loop calls this."""
         return tuple(self._events.get() for _ in range(self._events.qsize()))
 
-    def take(self, command: Command, text: bytes) -> str:
+    def accept(self, command: Command, text: bytes) -> str:
         """Accept one command with its reason in UTF-8; returns why not, "" if it was accepted."""
         reason = text.decode("utf-8", errors="replace").strip()
         if self._stopped:

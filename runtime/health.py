@@ -6,63 +6,74 @@ from enum import StrEnum
 
 from drivers.measurements import Event, SensorHealth, SensorState, Severity
 from runtime.tick import SinkHealth
-from slam.estimate import Quality
+from slam.estimate import Estimate, Quality
 
 
 class RunState(StrEnum):
     """The states a run goes through."""
 
     STARTING = "starting"
+    """Kernels load and the sensors connect; there is no pose yet."""
     READY = "ready"
+    """Everything has been started and waited for; the first tick follows."""
     RUNNING = "running"
     DEGRADED = "degraded"
     LOST = "lost"
     STOPPING = "stopping"
+    """The last tick has ended; sensors are closed, what is queued is written and sent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """State with reasons, and what it was concluded from."""
+    """State with reasons, and what it was concluded from; quality is None before the first tick."""
 
     stamp_ns: int
     state: RunState
     reasons: tuple[str, ...]
     sensors: Mapping[str, SensorHealth]
     sinks: Mapping[str, SinkHealth]
-    quality: Quality
+    quality: Quality | None
 
 
 SEVERITIES = {RunState.DEGRADED: Severity.WARN, RunState.LOST: Severity.ERROR}
 
 
 class HealthMonitor:
-    """Concludes the state once a tick; each change is an event with its reason."""
+    """Concludes the state once a tick, and is told the states before the first and after the last one.
+
+    Each change is an event with its reason.
+    """
 
     def __init__(self) -> None:
-        self._state = RunState.STARTING
+        self._state: RunState | None = None
         self._reasons: tuple[str, ...] = ()
+        self._quality: Quality | None = None
         self._dropped: dict[str, int] = {}
+
+    def enter(
+        self,
+        stamp_ns: int,
+        state: RunState,
+        sensors: Mapping[str, SensorHealth],
+        sinks: Mapping[str, SinkHealth],
+    ) -> tuple[Health, tuple[Event, ...]]:
+        """STARTING, READY or STOPPING, which follow from nothing that a tick knows; and what is not well meanwhile."""
+        reasons = (*_sensor_reasons(sensors), *self._sink_reasons(sinks))
+        health = Health(stamp_ns, state, reasons, sensors, sinks, self._quality)
+        return health, self._changed(stamp_ns, state, reasons)
 
     def assess(
         self,
         stamp_ns: int,
         sensors: Mapping[str, SensorHealth],
         sinks: Mapping[str, SinkHealth],
-        quality: Quality,
-        doubt: str = "",
+        estimate: Estimate,
     ) -> tuple[Health, tuple[Event, ...]]:
-        """Health now, and an event if the state or a reason has changed since the last call.
-
-        doubt: why the pose is not believed, as the estimate says.
-        """
-        reasons = tuple(
-            f"{name} {health.state}: {health.reason}"
-            for name, health in sensors.items()
-            if health.state is not SensorState.FRESH
-        )
-        reasons += tuple(self._sink_reasons(sinks))
+        """Health now, and an event if the state or a reason has changed since the last call."""
+        self._quality = quality = estimate.quality
+        reasons = (*_sensor_reasons(sensors), *self._sink_reasons(sinks))
         if quality is not Quality.TRACKING:
-            reasons = (f"pose {quality}, {doubt}" if doubt else f"pose {quality}", *reasons)
+            reasons = (f"pose {quality}, {estimate.doubt}" if estimate.doubt else f"pose {quality}", *reasons)
         if quality is Quality.LOST:
             state = RunState.LOST
         elif reasons:
@@ -91,3 +102,12 @@ class HealthMonitor:
         self._state, self._reasons = state, reasons
         text = f"{state}: {'; '.join(reasons)}" if reasons else str(state)
         return (Event(stamp_ns, "health", str(state), text, SEVERITIES.get(state, Severity.INFO)),)
+
+
+def _sensor_reasons(sensors: Mapping[str, SensorHealth]) -> list[str]:
+    """Sensors that do not deliver as they should."""
+    return [
+        f"{name} {health.state}: {health.reason}"
+        for name, health in sensors.items()
+        if health.state is not SensorState.FRESH
+    ]

@@ -35,6 +35,21 @@ class Timing:
     stages_ns: dict[str, int]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class CompletedTick:
+    """One tick and what came of it.
+
+    state_hash: of the filter after the tick; truth: the simulator's map_from_body at estimate.stamp_ns, None on a real
+    rover.
+    """
+
+    tick: Tick
+    estimate: Estimate
+    timing: Timing
+    state_hash: bytes
+    truth: Pose2 | None
+
+
 @dataclass(frozen=True, slots=True)
 class SinkHealth:
     """How a sink is: values waiting, values dropped since the start, and what is wrong ("" if nothing)."""
@@ -47,8 +62,8 @@ class SinkHealth:
 class Sink(Protocol):
     """Takes what the loop produced; never blocks, drops and counts instead."""
 
-    def put(self, tick: Tick, estimate: Estimate, timing: Timing, state_hash: bytes, truth: Pose2 | None) -> None:
-        """One tick; truth is the simulator's map_from_body at estimate.stamp_ns, None on a real rover."""
+    def put(self, completed: CompletedTick) -> None:
+        """One tick, which must not change afterwards."""
 
     def health(self) -> SinkHealth:
         """How it is now."""

@@ -13,7 +13,7 @@ from runtime.messages.definitions import DEFINITIONS, TYPES
 from runtime.messages.map_json import landmark_json
 from runtime.publish import messages, ros2_keys
 from runtime.publish.commands import command_key
-from runtime.tick import SinkHealth, Tick, Timing
+from runtime.tick import CompletedTick, SinkHealth, Tick, Timing
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.pose import Pose2
 
@@ -127,7 +127,8 @@ def _json() -> str:
     sinks = {"record": SinkHealth(0, 0), "publish": SinkHealth(0, 0)}
     health = Health(0, RunState.RUNNING, (), {"laser": laser}, sinks, Quality.TRACKING)
     timing = Timing(110_000, 0, {"read": 20_000, "step": 5_000_000})
-    status = messages.status_object("rover1", WALL_NS, Tick(7, 0, None, ()), estimate, timing, 10.0, health)
+    completed = CompletedTick(Tick(7, 0, None, ()), estimate, timing, b"", None)
+    status = messages.status_object("rover1", WALL_NS, completed, 10.0, health)
     event = json.loads(messages.event_json(Event(0, "laser", "checksum", "one line had a wrong sum"), WALL_NS))
     shown = (("status", status), ("event", event), ("map", json.loads(landmark_json(landmarks, WALL_NS))))
     text = "\n## JSON\n"

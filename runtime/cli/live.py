@@ -37,7 +37,7 @@ def run(
 ) -> None:
     """Run live: sensors in, pose out, everything recorded. Ctrl-C ends it and keeps everything."""
     from runtime.live.clock import MonotonicClock
-    from runtime.live.drive import drive
+    from runtime.live.run import Host, run_live
     from runtime.live.summary import summary_lines
     from runtime.record.folder import RunFolder
     from runtime.service.systemd import ServiceManager
@@ -57,7 +57,7 @@ def run(
     stop = stop_on_signals()
     folder = RunFolder.create(out, Path(configuration.record.folder))
     manager = ServiceManager(os.environ.get("NOTIFY_SOCKET", ""))
-    summary = drive(configuration, folder, MonotonicClock(), stop, duration, sys.stderr, manager)
+    summary = run_live(configuration, folder, Host(MonotonicClock(), stop, sys.stderr, manager), duration)
     if as_json:
         typer.echo(json.dumps(summary))
     else:

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from runtime.messages.pipe import CARRIED, SEGMENT, TOPICS, write_frame
 from runtime.messages.tick import Record
+from runtime.service.memory import resident_mb
 from runtime.settings.review import ReviewSettings
-from runtime.tick import SinkHealth, Tick, Timing
-from slam.estimate import Estimate
+from runtime.tick import CompletedTick, SinkHealth
 from slam.pose import Pose2
 
 WRITE_S = 2.0
@@ -27,7 +27,7 @@ RENEW_MB = 400.0  # the library holds on to 3.7 MB for each minute that it draws
 
 
 class ReviewProcess:
-    """Draws a run while it is recorded: `feed` is the recorder's tee, the Sink is there for its health.
+    """Draws a run while it is recorded: it observes the recorder, and is a Sink for its health.
 
     path: review.rrd; body_from_laser: the laser's mount. Neither feed nor put ever blocks or raises.
     """
@@ -61,14 +61,11 @@ class ReviewProcess:
         else:
             self._queue.put(record)
 
-    def put(
-        self,
-        tick: Tick,
-        estimate: Estimate,
-        timing: Timing,
-        state_hash: bytes,
-        truth: Pose2 | None,
-    ) -> None:
+    def segment_closed(self, number: int, stamp_ns: int) -> None:
+        """The picture is rotated with the segments of the record."""
+        self.feed(Record(SEGMENT, stamp_ns, b"%d" % number))
+
+    def put(self, completed: CompletedTick) -> None:
         """Nothing: what is drawn comes as records."""
 
     def health(self) -> SinkHealth:
@@ -152,12 +149,3 @@ class ReviewProcess:
         self._errors.seek(max(0, os.fstat(self._errors.fileno()).st_size - 2000))
         lines = self._errors.read().decode(errors="replace").strip().splitlines()
         return lines[-1] if lines else f"exit code {code}"
-
-
-def resident_mb(pid: int) -> float:
-    """Memory that a process holds; 0 when it has ended."""
-    try:
-        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    except (OSError, IndexError):
-        return 0.0
-    return pages * os.sysconf("SC_PAGE_SIZE") * 1e-6

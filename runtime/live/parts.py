@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from drivers.laser.hokuyo import Hokuyo
-from drivers.measurements import Encoders, Laser
+from drivers.measurements import Encoders, Event, Laser, SensorHealth
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.laser import LaserSettings
 from drivers.wheels.encoders import CanEncoders
@@ -14,8 +14,8 @@ from runtime.live.clock import Clock
 from runtime.live.drawing_process import ReviewProcess
 from runtime.publish.publisher import ZenohPublisher
 from runtime.record.folder import RunFolder
-from runtime.record.header import installed_versions
-from runtime.record.recorder import Recorder
+from runtime.record.header import RunHeader, installed_versions
+from runtime.record.writing.recorder import Recorder
 from runtime.service.thread_watch import ThreadWatch
 from runtime.settings.configuration import Configuration
 from runtime.simulation.rover_process import SimulatedRover
@@ -23,10 +23,10 @@ from runtime.tick import Sink
 from slam.pose import Pose2
 
 
-class DrivenRover(Protocol):
-    """A simulated rover: it begins when the loop does, and knows the truth."""
+class SimulatedWorld(Protocol):
+    """The world of a simulated rover: it begins when the loop does, and knows the truth."""
 
-    def drive(self, start_ns: int) -> None:
+    def start_world(self, start_ns: int) -> None:
         """Begin at this time of the loop's clock."""
 
     def map_from_body(self, stamp_ns: int) -> Pose2 | None:
@@ -43,8 +43,9 @@ class Parts:
     laser: Laser
     encoders: Encoders
     sinks: dict[str, Sink]
+    recorder: Recorder
     publisher: ZenohPublisher
-    rover: DrivenRover | None
+    rover: SimulatedWorld | None
     threads: ThreadWatch
 
     def start(self) -> None:
@@ -53,10 +54,18 @@ class Parts:
         self.encoders.start()
         self.threads.begin()
 
-    def drive(self, start_ns: int) -> None:
+    def start_world(self, start_ns: int) -> None:
         """Let a simulated world begin with the loop; a real one has begun long ago."""
         if self.rover is not None:
-            self.rover.drive(start_ns)
+            self.rover.start_world(start_ns)
+
+    def sensor_health(self) -> dict[str, SensorHealth]:
+        """How both sensors are."""
+        return {"laser": self.laser.health(), "encoders": self.encoders.health()}
+
+    def drain_events(self) -> tuple[Event, ...]:
+        """Commands over zenoh, and threads that hang."""
+        return self.publisher.drain_events() + self.threads.drain_events()
 
     def truth(self, stamp_ns: int) -> Pose2 | None:
         """Where a simulated rover really is."""
@@ -94,35 +103,30 @@ def _made_parts(
     clock: Clock,
     made: ExitStack,
 ) -> Parts:
-    rover = review = None
+    rover = drawing = None
     if configuration.simulation is not None:
         rover = SimulatedRover(configuration.simulation, laser, encoders)
         made.callback(rover.close)
         laser, encoders = rover.laser, rover.encoders
     if configuration.review.live:
-        review = ReviewProcess(folder.review_path, configuration.review, configuration.slam.mount.as_pose())
-        made.callback(review.close)
-    tee = review.feed if review is not None else None
+        drawing = ReviewProcess(folder.review_path, configuration.review, configuration.slam.mount.as_pose())
+        made.callback(drawing.close)
     threads = ThreadWatch(clock.now_ns)
-    recorder = Recorder(
-        folder,
-        configuration.text,
-        installed_versions(),
-        tee,
-        clock.now_ns,
-        configuration.record,
-        alive=threads.sign("recorder"),
-    )
+    header = RunHeader.of_live_run(configuration.text, installed_versions())
+    recorder = Recorder(folder, header, configuration.record, [] if drawing is None else [drawing], threads)
     made.callback(recorder.close)
-    threads.excuse("recorder", lambda: recorder.is_excused)
     publisher = ZenohPublisher(configuration.publish, configuration.rover, configuration_text=configuration.text)
     made.callback(publisher.close)
     sinks: dict[str, Sink] = {"record": recorder, "publish": publisher}
-    if review is not None:
-        sinks["review"] = review
+    if drawing is not None:
+        sinks["review"] = drawing
     tap = recorder if configuration.record.raw else None
     if not configuration.record.raw:  # still the last and next two seconds around an error of the laser
         laser = laser.model_copy(update={"raw": "around_errors"})
-    eyes = Hokuyo(laser, clock.now_ns, recorder, alive=threads.sign("laser", laser.retry_max_s))
-    wheels = CanEncoders(encoders, clock.now_ns, tap, alive=threads.sign("encoders", encoders.bus.backoff_max_s))
-    return Parts(eyes, wheels, sinks, publisher, rover, threads)
+    heartbeats = (
+        threads.heartbeat("laser", laser.retry_max_s),
+        threads.heartbeat("encoders", encoders.bus.backoff_max_s),
+    )
+    scanner = Hokuyo(laser, clock.now_ns, recorder, alive=heartbeats[0])
+    wheels = CanEncoders(encoders, clock.now_ns, tap, alive=heartbeats[1])
+    return Parts(scanner, wheels, sinks, recorder, publisher, rover, threads)

@@ -8,7 +8,8 @@ from typing import Any
 from drivers.measurements import SensorHealth
 from runtime.live.timekeeping import Timekeeping
 from runtime.sensor_report import sensor_lines, sensor_object
-from runtime.tick import SinkHealth, Tick, Timing
+from runtime.service.memory import resident_mb
+from runtime.tick import CompletedTick, SinkHealth
 from slam.estimate import Estimate
 from slam.pose import Pose2
 
@@ -48,15 +49,9 @@ class ErrorTrack:
     last: Estimate | None = None
     landmarks: int = 0
 
-    def put(
-        self,
-        tick: Tick,  # noqa: ARG002
-        estimate: Estimate,
-        timing: Timing,  # noqa: ARG002
-        state_hash: bytes,  # noqa: ARG002
-        truth: Pose2 | None,
-    ) -> None:
+    def put(self, completed: CompletedTick) -> None:
         """One tick."""
+        estimate, truth = completed.estimate, completed.truth
         self.last = estimate
         self.landmarks = int(estimate.counts.get("landmarks", self.landmarks))
         if truth is not None:
@@ -89,6 +84,7 @@ def summarise(
         "slam_rms_m": errors.slam.rms_m,
         "slam_max_m": errors.slam.largest_m,
         "landmarks": errors.landmarks,
+        "resident_mb": round(resident_mb(), 1),
         "sensors": {name: sensor_object(sensor) for name, sensor in sensors.items()},
     }
 
@@ -102,6 +98,7 @@ def summary_lines(summary: dict[str, Any]) -> list[str]:
         f"tick      p50 {tick['p50']:.2f}  p99 {tick['p99']:.2f}  max {tick['max']:.2f} ms",
         f"overhead  p50 {over['p50']:.2f}  p99 {over['p99']:.2f}  max {over['max']:.2f} ms (record, network, log)",
         f"landmarks {summary['landmarks']}",
+        f"memory    {summary['resident_mb']:.0f} MB resident",
         *sensor_lines(summary["sensors"]),
     ]
     if summary["slam_rms_m"] is not None:

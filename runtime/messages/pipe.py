@@ -7,7 +7,7 @@ from typing import IO
 from runtime.messages.tick import Record
 
 SEGMENT = "/segment"
-"""Not in the record: the recorder says that a segment has been closed, whose number is the data as decimal digits."""
+"""Not in the record: a segment of it has been closed, whose number is the data as decimal digits."""
 
 CARRIED = "/carried"
 """Not in the record: what one drawing process knew, for the one that goes on in its place."""

@@ -14,7 +14,7 @@ from runtime.messages.tick import (
     encode_timing,
     encode_truth,
 )
-from runtime.tick import Tick, Timing
+from runtime.tick import CompletedTick, Tick, Timing
 from slam.estimate import Estimate, Quality
 from slam.pose import Pose2
 
@@ -28,27 +28,24 @@ def input_records(tick: Tick) -> list[Record]:
     return records
 
 
-def outcome_records(
-    tick: Tick, estimate: Estimate, timing: Timing, state_hash: bytes, truth: Pose2 | None
-) -> list[Record]:
+def outcome_records(completed: CompletedTick) -> list[Record]:
     """What came of it."""
+    tick, estimate = completed.tick, completed.estimate
     records = [
         encode_estimate(estimate),
         encode_pose(estimate),
         encode_odometry(estimate),
-        encode_timing(tick.seq, tick.stamp_ns, timing),
-        encode_state_hash(tick.seq, tick.stamp_ns, state_hash),
+        encode_timing(tick.seq, tick.stamp_ns, completed.timing),
+        encode_state_hash(tick.seq, tick.stamp_ns, completed.state_hash),
     ]
-    if truth is not None:
-        records.append(encode_truth(estimate.stamp_ns, truth))
+    if completed.truth is not None:
+        records.append(encode_truth(estimate.stamp_ns, completed.truth))
     return records
 
 
-def tick_records(
-    tick: Tick, estimate: Estimate, timing: Timing, state_hash: bytes, truth: Pose2 | None
-) -> list[Record]:
+def tick_records(completed: CompletedTick) -> list[Record]:
     """Everything of one tick."""
-    return input_records(tick) + outcome_records(tick, estimate, timing, state_hash, truth)
+    return input_records(completed.tick) + outcome_records(completed)
 
 
 def warm_up() -> None:
@@ -57,6 +54,6 @@ def warm_up() -> None:
     tick = Tick(0, 0, Scan(0, np.zeros(1, np.float32), np.zeros(1)), (), (Event(0, "", "", ""),))
     zero = np.zeros((3, 3))
     estimate = Estimate(0, nowhere, zero, nowhere, zero, nowhere, Quality.UNCERTAIN)
-    tick_records(tick, estimate, Timing(0, 0, {}), b"", nowhere)
+    tick_records(CompletedTick(tick, estimate, Timing(0, 0, {}), b"", nowhere))
     encode_laser_bytes(LaserBytes(0, False, b""))
     encode_can_frame(0, 0, 0, b"")

@@ -136,13 +136,3 @@ def encode_can_frame(stamp_ns: int, arbitration_id: int, flags: int, data: bytes
         dlc=len(data),
         data=np.frombuffer(data.ljust(8, b"\0"), np.uint8),
     )
-
-
-def decode_can_frame(topic: str, data: bytes) -> tuple[int, int, int, bytes]:
-    """Stamp ns, arbitration id, flags and bytes, as RawTap.can_frame was given them."""
-    message = decode(topic, data)
-    stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-    if topic == "/raw/can_fd":
-        return stamp_ns, message.id, FD | (EXTENDED if message.is_extended else 0), message.data.tobytes()
-    flags = EXTENDED * message.is_extended | REMOTE * message.is_rtr | ERROR * message.is_error
-    return stamp_ns, message.id, flags, message.data.tobytes()[: message.dlc]

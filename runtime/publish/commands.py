@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import zenoh
 
-from runtime.commands import Command, CommandDesk
+from runtime.commands import Command, CommandQueue
 from runtime.errors import SensorError
 from runtime.publish.session import short_reason, tool_config
 
@@ -23,12 +23,12 @@ def command_key(rover: str, command: Command) -> str:
     return f"infant/{rover}/command/{command}"
 
 
-def declare_commands(session: zenoh.Session, rover: str, desk: CommandDesk) -> None:
+def declare_commands(session: zenoh.Session, rover: str, commands: CommandQueue) -> None:
     """Answer the commands of this rover on a session."""
     for command in Command:
         key = command_key(rover, command)
         # indirect=True would start Python threads that hang or abort a process that ends without closing the session
-        session.declare_queryable(key, zenoh.handlers.Callback(_reply(key, command, desk), indirect=False))
+        session.declare_queryable(key, zenoh.handlers.Callback(_reply(key, command, commands), indirect=False))
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +70,12 @@ def _answer(payload: bytes) -> Answer | None:
         return None
 
 
-def _reply(key: str, command: Command, desk: CommandDesk) -> Callable[[zenoh.Query], None]:
+def _reply(key: str, command: Command, commands: CommandQueue) -> Callable[[zenoh.Query], None]:
     def reply(query: zenoh.Query) -> None:
         with query:
             if str(query.key_expr) != key:
                 return  # a question with wildcards, such as infant/**, is no command
-            refusal = desk.take(command, query.payload.to_bytes() if query.payload is not None else b"")
+            refusal = commands.accept(command, query.payload.to_bytes() if query.payload is not None else b"")
             answer = json.dumps({"command": command.value, "accepted": not refusal, "reason": refusal})
             if refusal:
                 query.reply_err(answer, encoding=JSON)

@@ -12,7 +12,7 @@ from runtime.messages.definitions import construct, serialize
 from runtime.messages.map_json import existence, json_bytes
 from runtime.messages.ros import encode_odometry, encode_pose, encode_scan, header, ros_pose
 from runtime.sensor_report import sensor_object
-from runtime.tick import SinkHealth, Tick, Timing
+from runtime.tick import CompletedTick, SinkHealth
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.pose import Pose2
 
@@ -21,6 +21,9 @@ TF = "tf2_msgs/msg/TFMessage"
 MARKERS = "visualization_msgs/msg/MarkerArray"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 NO_BYTES = np.empty(0, np.uint8)
+NO_TICK = dict.fromkeys(("seq", "quality", "lateness_ms", "step_ms", "pose", "sigma", "landmarks"))
+RUN_LEVELS = {RunState.STARTING: 1, RunState.READY: 0, RunState.RUNNING: 0, RunState.STOPPING: 1}
+RUN_LEVELS |= {RunState.DEGRADED: 1, RunState.LOST: 2}  # DiagnosticStatus OK, WARN, ERROR
 LEVELS = {SensorState.FRESH: 0, SensorState.STARTING: 1, SensorState.STALE: 2, SensorState.FAILED: 2}
 
 
@@ -99,31 +102,35 @@ def event_json(event: Event, wall_ns: int) -> bytes:
 
 
 def status_object(
-    rover: str, wall_ns: int, tick: Tick, estimate: Estimate, timing: Timing, rate_hz: float, health: Health | None
+    rover: str, wall_ns: int, completed: CompletedTick | None, rate_hz: float, health: Health | None
 ) -> dict[str, Any]:
-    """How the rover is, for a person or a dashboard; state is null until the health of the run is known."""
-    pose, sigmas = estimate.map_from_body, np.sqrt(np.diag(estimate.covariance).clip(min=0.0))
+    """How the rover is, for a person or a dashboard.
+
+    Until the health of the run is known state is null; before the first tick so is all that a tick tells.
+    """
     return {
         "rover": rover,
         "stamp_ns": wall_ns,
-        "seq": tick.seq,
         "state": None if health is None else health.state.value,
         "reasons": [] if health is None else list(health.reasons),
-        "quality": estimate.quality.value,
         "rate_hz": round(rate_hz, 3),
-        "lateness_ms": round(timing.lateness_ns * 1e-6, 3),
-        "step_ms": round(timing.stages_ns.get("step", 0) * 1e-6, 3),
-        "pose": {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad},
-        "sigma": {"x_m": float(sigmas[0]), "y_m": float(sigmas[1]), "heading_rad": float(sigmas[2])},
-        "landmarks": int(estimate.counts.get("landmarks", 0)),
+        **(NO_TICK if completed is None else _tick_fields(completed)),
         "sensors": {} if health is None else _sensors(health.sensors),
         "sinks": {} if health is None else _sinks(health.sinks),
     }
 
 
 def health_bytes(health: Health, wall_ns: int) -> bytes:
-    """diagnostic_msgs/DiagnosticArray: one status for each sensor with all its counters and figures."""
-    status = [
+    """diagnostic_msgs/DiagnosticArray: the state of the run, then each sensor with all its counters and figures."""
+    run = construct(
+        "diagnostic_msgs/msg/DiagnosticStatus",
+        level=RUN_LEVELS[health.state],
+        name="run",
+        message="; ".join((health.state.value, *health.reasons)),
+        hardware_id="",
+        values=[],
+    )
+    sensors = [
         construct(
             "diagnostic_msgs/msg/DiagnosticStatus",
             level=LEVELS[sensor.state],
@@ -137,7 +144,7 @@ def health_bytes(health: Health, wall_ns: int) -> bytes:
         )
         for name, sensor in health.sensors.items()
     ]
-    return serialize(DIAGNOSTICS, construct(DIAGNOSTICS, header=header(wall_ns, ""), status=status))
+    return serialize(DIAGNOSTICS, construct(DIAGNOSTICS, header=header(wall_ns, ""), status=[run, *sensors]))
 
 
 def warm_up() -> None:
@@ -152,6 +159,20 @@ def warm_up() -> None:
     landmark_bytes(landmarks, 0)
     scan_bytes(Scan(0, np.zeros(2, np.float32), np.zeros(2)), 0, 1)
     health_bytes(Health(0, RunState.STARTING, (), {"laser": sensor}, {}, Quality.UNCERTAIN), 0)
+
+
+def _tick_fields(completed: CompletedTick) -> dict[str, Any]:
+    estimate, timing = completed.estimate, completed.timing
+    pose, sigmas = estimate.map_from_body, np.sqrt(np.diag(estimate.covariance).clip(min=0.0))
+    return {
+        "seq": completed.tick.seq,
+        "quality": estimate.quality.value,
+        "lateness_ms": round(timing.lateness_ns * 1e-6, 3),
+        "step_ms": round(timing.stages_ns.get("step", 0) * 1e-6, 3),
+        "pose": {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad},
+        "sigma": {"x_m": float(sigmas[0]), "y_m": float(sigmas[1]), "heading_rad": float(sigmas[2])},
+        "landmarks": int(estimate.counts.get("landmarks", 0)),
+    }
 
 
 def _sensors(sensors: Mapping[str, SensorHealth]) -> dict[str, Any]:

@@ -8,16 +8,14 @@ import time
 import zenoh
 
 from drivers.measurements import Event
-from runtime.commands import CommandDesk
+from runtime.commands import CommandQueue
 from runtime.health import Health
 from runtime.publish.commands import declare_commands
 from runtime.publish.messages import warm_up
 from runtime.publish.session import open_rover_session, rover_config, short_reason
-from runtime.publish.topics import Moment, RoverTopics
+from runtime.publish.topics import RoverTopics
 from runtime.settings.publish import PublishSettings
-from runtime.tick import SinkHealth, Tick, Timing
-from slam.estimate import Estimate
-from slam.pose import Pose2
+from runtime.tick import CompletedTick, SinkHealth
 
 REOPEN_S = 5.0
 CLOSE_S = 3.0
@@ -28,7 +26,8 @@ class ZenohPublisher:
     """Publishes every tick over zenoh; the loop only puts a reference into a queue.
 
     wall_offset_ns: wall time minus monotonic time; taken now when None. Messages carry stamp + offset.
-    configuration_text: what the query infant/<rover>/configuration answers.
+    configuration_text: what the query infant/<rover>/configuration answers. listening: where tools reach the session;
+    None until it is open.
     Raises ConfigurationError when the settings name a file that cannot be used.
     """
 
@@ -44,14 +43,13 @@ class ZenohPublisher:
         self._wall_offset_ns = time.time_ns() - time.monotonic_ns() if wall_offset_ns is None else wall_offset_ns
         self._configuration_text = configuration_text
         # a SimpleQueue is C: no lock that a preempted thread could hold while the loop waits for it
-        self._queue: queue.SimpleQueue[Moment | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[CompletedTick | Health | None] = queue.SimpleQueue()
         self._dropped = 0
         self._trouble = ""
         self._health: Health | None = None
-        self._desk = CommandDesk(time.monotonic_ns)
+        self._commands = CommandQueue(time.monotonic_ns)
         self._stop = threading.Event()
-        self._opened = threading.Event()
-        self._listening: tuple[str, ...] = ()
+        self.listening: tuple[str, ...] | None = None
         self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
         if settings.enabled:
             rover_config(settings, settings.listen)  # a file that cannot be used stops the start, not the thread
@@ -59,14 +57,7 @@ class ZenohPublisher:
             atexit.register(self._leave)
             self._thread.start()
 
-    def put(
-        self,
-        tick: Tick,
-        estimate: Estimate,
-        timing: Timing,
-        state_hash: bytes,  # noqa: ARG002
-        truth: Pose2 | None,  # noqa: ARG002
-    ) -> None:
+    def put(self, completed: CompletedTick) -> None:
         """Queue one tick; when the network is slower than the loop the oldest tick goes."""
         if not self._settings.enabled:
             return
@@ -76,23 +67,25 @@ class ZenohPublisher:
                 self._dropped += 1
             except queue.Empty:
                 pass  # the thread took it between the two lines
-        self._queue.put(Moment(tick, estimate, timing))
+        self._queue.put(completed)
 
     def drain_events(self) -> tuple[Event, ...]:
         """Commands that came over zenoh since the last call; none unless publish.commands is on."""
-        return self._desk.drain_events()
+        return self._commands.drain_events()
 
     def note_health(self, health: Health) -> None:
         """Health that goes into the next status; one assignment."""
         self._health = health
 
+    def announce(self, health: Health) -> None:
+        """Say now that the run has entered a state before its first tick or after its last one."""
+        self._health = health
+        if self._settings.enabled:
+            self._queue.put(health)
+
     def health(self) -> SinkHealth:
         """Ticks waiting and lost, and why there is no session if there is none."""
         return SinkHealth(self._queue.qsize(), self._dropped, self._trouble)
-
-    def opened(self, timeout_s: float) -> tuple[str, ...]:
-        """Wait until the session is open and return where it listens; empty if it is not open by then."""
-        return self._listening if self._opened.wait(timeout_s) else ()
 
     def close(self) -> None:
         """Send what is queued and leave; at most 3 s."""
@@ -133,16 +126,19 @@ class ZenohPublisher:
             session, self._settings, self._rover, self._wall_offset_ns, self._configuration_text, listening
         )
         if self._settings.commands:
-            declare_commands(session, self._rover, self._desk)
-        self._listening = listening
-        self._opened.set()
-        while (moment := self._queue.get()) is not None:
+            declare_commands(session, self._rover, self._commands)
+        self.listening = listening
+        while (item := self._queue.get()) is not None:
             try:
-                topics.send(moment, self._health)
+                if isinstance(item, Health):
+                    topics.send_state(item)
+                else:
+                    topics.send(item, self._health)
                 self._trouble = ""
             except (zenoh.ZError, ValueError) as error:  # one message that cannot be sent costs that message
                 self._dropped += 1
-                self._trouble = f"tick {moment.tick.seq} not published: {error}"
+                what = f"state {item.state}" if isinstance(item, Health) else f"tick {item.tick.seq}"
+                self._trouble = f"{what} not published: {error}"
 
     def _close_session(self, session: zenoh.Session) -> None:
         """Say goodbye; towards a peer that has stopped reading this takes zenoh's 10 s, which close() does not wait."""

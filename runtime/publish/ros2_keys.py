@@ -61,12 +61,3 @@ def attachment(seq: int, stamp_ns: int, gid: bytes) -> bytes:
     A rmw_zenoh that cannot read the attachment of a message ends its process: the form must be exact.
     """
     return struct.pack("<qqB16s", seq, stamp_ns, 16, gid)
-
-
-def read_attachment(data: bytes) -> tuple[int, int, bytes]:
-    """Sequence number, wall time in ns, gid.
-
-    Raises struct.error when it is not such an attachment.
-    """
-    seq, stamp_ns, _, gid = struct.unpack("<qqB16s", data)
-    return seq, stamp_ns, gid

@@ -52,15 +52,17 @@ def watch_status(
 
 
 def status_line(status: Mapping[str, Any]) -> str:
-    """One rover in one line."""
-    pose, sigma = status["pose"], status["sigma"]
-    spread_m = math.hypot(sigma["x_m"], sigma["y_m"])
-    return (
-        f"{status['rover']}  {status['state'] or status['quality']}  tick {status['seq']}  {status['rate_hz']:.1f} Hz  "
-        f"x {pose['x_m']:.2f} m  y {pose['y_m']:.2f} m  heading {math.degrees(pose['heading_rad']):.1f} deg  "
-        f"+-{spread_m:.2f} m  landmarks {status['landmarks']}  late {status['lateness_ms']:.2f} ms"
-        + "".join(f"  {reason}" for reason in status["reasons"])
-    )
+    """One rover in one line; before its first tick it has no pose."""
+    words = [f"{status['rover']}  {status['state'] or status['quality']}"]
+    if status["pose"] is not None:
+        pose, sigma = status["pose"], status["sigma"]
+        words.append(
+            f"tick {status['seq']}  {status['rate_hz']:.1f} Hz  "
+            f"x {pose['x_m']:.2f} m  y {pose['y_m']:.2f} m  heading {math.degrees(pose['heading_rad']):.1f} deg  "
+            f"+-{math.hypot(sigma['x_m'], sigma['y_m']):.2f} m  landmarks {status['landmarks']}  "
+            f"late {status['lateness_ms']:.2f} ms"
+        )
+    return "  ".join((*words, *status["reasons"]))
 
 
 def status_table(statuses: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -79,10 +81,21 @@ def silence_sentence(connect: Sequence[str] = ENDPOINTS) -> str:
 
 
 def _row(status: Mapping[str, Any]) -> tuple[str, ...]:
-    pose, sigma = status["pose"], status["sigma"]
     return (
         status["rover"],
         status["state"] or status["quality"],
+        *_tick_cells(status),
+        " ".join(f"{name}:{sensor['state']}" for name, sensor in status["sensors"].items()),
+        "; ".join(status["reasons"]),
+    )
+
+
+def _tick_cells(status: Mapping[str, Any]) -> tuple[str, ...]:
+    """From the number of the tick to its lateness."""
+    pose, sigma = status["pose"], status["sigma"]
+    if pose is None:
+        return ("-",) * 8
+    return (
         str(status["seq"]),
         f"{status['rate_hz']:.1f}",
         f"{pose['x_m']:.2f}",
@@ -91,6 +104,4 @@ def _row(status: Mapping[str, Any]) -> tuple[str, ...]:
         f"{math.hypot(sigma['x_m'], sigma['y_m']):.2f}",
         str(status["landmarks"]),
         f"{status['lateness_ms']:.2f}",
-        " ".join(f"{name}:{sensor['state']}" for name, sensor in status["sensors"].items()),
-        "; ".join(status["reasons"]),
     )

@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import zenoh
 
@@ -12,20 +11,11 @@ from runtime.messages.definitions import TYPES
 from runtime.messages.map_json import json_bytes, landmark_json
 from runtime.publish import messages, ros2_keys
 from runtime.settings.publish import PublishSettings
-from runtime.tick import Tick, Timing
-from slam.estimate import Estimate, LandmarkMap
+from runtime.tick import CompletedTick
+from slam.estimate import LandmarkMap
 
 JSON = "application/json"
 RATE_WINDOW = 21  # ticks over which the rate in the status is taken: 2 s at 10 Hz
-
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """One tick and what came of it."""
-
-    tick: Tick
-    estimate: Estimate
-    timing: Timing
 
 
 class Pace:
@@ -96,6 +86,7 @@ class RoverTopics:
         self._pose = b""
         self._landmarks: LandmarkMap | None = None
         self._landmarks_ns = 0
+        self._latest: CompletedTick | None = None
         self._stamps_ns: deque[int] = deque(maxlen=RATE_WINDOW)
         self._scan_pace = Pace(settings.scan_hz)
         self._landmark_pace = Pace(settings.landmarks_hz)
@@ -114,9 +105,9 @@ class RoverTopics:
         self._answer("map", JSON, self._map_json)
         self._alive = session.liveliness().declare_token(self._key("alive"))
 
-    def send(self, moment: Moment, health: Health | None) -> None:
+    def send(self, completed: CompletedTick, health: Health | None) -> None:
         """Everything that is due on this tick; the pose first."""
-        estimate, wall_ns = moment.estimate, moment.estimate.stamp_ns + self._wall_offset_ns
+        estimate, wall_ns = completed.estimate, completed.estimate.stamp_ns + self._wall_offset_ns
         pose, odometry = messages.pose_bytes(estimate, wall_ns), messages.odometry_bytes(estimate, wall_ns)
         self._pose_topic.send(pose, wall_ns)
         self._odometry_topic.send(odometry, wall_ns)
@@ -125,31 +116,34 @@ class RoverTopics:
             payloads = (pose, odometry, messages.transform_bytes(estimate, wall_ns))
             for topic, payload in zip(self._ros2_topics, payloads, strict=True):
                 topic.send(payload, wall_ns)
-        for event in moment.tick.events:
+        for event in completed.tick.events:
             event_ns = event.stamp_ns + self._wall_offset_ns
             self._event_topic.send(messages.event_json(event, event_ns), event_ns)
-        self._send_picture(moment, wall_ns)
-        self._stamps_ns.append(moment.tick.stamp_ns)
-        if self._status_pace.due(moment.tick.stamp_ns):
-            self._send_status(moment, wall_ns, health)
+        self._latest = completed
+        self._send_picture(completed, wall_ns)
+        self._stamps_ns.append(completed.tick.stamp_ns)
+        if self._status_pace.due(completed.tick.stamp_ns):
+            self._send_status(wall_ns, health)
 
-    def _send_picture(self, moment: Moment, wall_ns: int) -> None:
+    def _send_picture(self, completed: CompletedTick, wall_ns: int) -> None:
         """Scan and landmarks, thinned in time."""
-        scan, landmarks = moment.tick.scan, moment.estimate.landmarks
+        scan, landmarks = completed.tick.scan, completed.estimate.landmarks
         if landmarks is not None:
             self._landmarks, self._landmarks_ns = landmarks, wall_ns
-            if self._landmark_pace.due(moment.tick.stamp_ns):
+            if self._landmark_pace.due(completed.tick.stamp_ns):
                 self._landmark_topic.send(messages.landmark_bytes(landmarks, wall_ns), wall_ns)
-        if isinstance(scan, Scan) and self._scan_pace.due(moment.tick.stamp_ns):
+        if isinstance(scan, Scan) and self._scan_pace.due(completed.tick.stamp_ns):
             scan_ns = scan.stamp_ns + self._wall_offset_ns
             self._scan_topic.send(messages.scan_bytes(scan, scan_ns, self._settings.scan_beam_step), scan_ns)
 
-    def _send_status(self, moment: Moment, wall_ns: int, health: Health | None) -> None:
-        span_ns = self._stamps_ns[-1] - self._stamps_ns[0]
+    def send_state(self, health: Health) -> None:
+        """A state that belongs to no tick: status and health at once, whatever their pace."""
+        self._send_status(health.stamp_ns + self._wall_offset_ns, health)
+
+    def _send_status(self, wall_ns: int, health: Health | None) -> None:
+        span_ns = self._stamps_ns[-1] - self._stamps_ns[0] if self._stamps_ns else 0
         rate_hz = (len(self._stamps_ns) - 1) * 1e9 / span_ns if span_ns > 0 else 0.0
-        status = messages.status_object(
-            self._rover, wall_ns, moment.tick, moment.estimate, moment.timing, rate_hz, health
-        )
+        status = messages.status_object(self._rover, wall_ns, self._latest, rate_hz, health)
         self._status = json_bytes({**status, "listening": list(self._listening)})
         self._status_topic.send(self._status, wall_ns)
         if health is not None:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from runtime.containment import contained_step
 from runtime.errors import UsageError
+from runtime.fault_isolation import step_or_predict
 from runtime.messages.estimate import encode_estimate
 from runtime.messages.records import outcome_records
 from runtime.messages.tick import Record
@@ -21,7 +21,7 @@ from runtime.record.reader import RecordedTick, RunReader
 from runtime.replay.difference import first_difference
 from runtime.settings.configuration import Configuration, load_configuration, load_configuration_text
 from runtime.settings.retired import ignored_settings
-from runtime.tick import Timing
+from runtime.tick import CompletedTick, Timing
 from slam.estimate import Estimate
 from slam.estimator import Estimator
 from slam.settings.slam import SlamSettings
@@ -80,7 +80,7 @@ def replay(
     try:
         for recorded in reader.ticks():
             step_began_ns = time.perf_counter_ns()
-            estimate, _ = contained_step(estimator, recorded.tick)
+            estimate, _ = step_or_predict(estimator, recorded.tick)
             result.steps_ns.append(time.perf_counter_ns() - step_began_ns)
             state_hash = estimator.state_hash()
             if verify and not result.difference:
@@ -190,7 +190,7 @@ def _records(recorded: RecordedTick, estimate: Estimate, step_ns: int, state_has
     """The tick as it stood, with the new outcome; lateness and missed beats remain those of the drive."""
     was = recorded.timing
     timing = Timing(was.lateness_ns if was else 0, was.missed if was else 0, {"step": step_ns})
-    records = recorded.inputs + outcome_records(recorded.tick, estimate, timing, state_hash, None)
+    records = recorded.inputs + outcome_records(CompletedTick(recorded.tick, estimate, timing, state_hash, None))
     truth = recorded.outcomes.get("/truth")
     return records if truth is None else [*records, truth]
 

@@ -56,14 +56,14 @@ class WatchdogFeed:
     def __init__(self, manager: ServiceManager, stream: TextIO) -> None:
         self._manager = manager
         self._stream = stream
-        self._told = ""
+        self._reported = ""
 
     def completed_tick(self, stuck: str) -> None:
-        """A tick has ended; stuck: the threads that hang, as ThreadWatch names them, empty if none does."""
+        """A tick has ended; stuck: the threads that hang, as ThreadWatch names them, "" if none does."""
         if not stuck:
             self._manager.completed_tick()
-            self._told = ""
-        elif not self._told:
-            self._told = stuck
+            self._reported = ""
+        elif not self._reported:
+            self._reported = stuck
             self._stream.write(f"infant: {stuck}; the watchdog is not fed any more and will restart the service\n")
             self._stream.flush()

@@ -19,7 +19,7 @@ STOP_S = 3.0
 class SimulatedRover:
     """Starts the devices, tells where they listen, and knows the truth.
 
-    The world stands still until `drive`; the devices answer from the start. The child ends with its standard
+    The world stands still until `start_world`; the devices answer from the start. The child ends with its standard
     input, so a killed parent leaves nothing behind.
     """
 
@@ -43,7 +43,7 @@ class SimulatedRover:
         self.laser = laser.model_copy(update={"url": endpoints["laser_url"]})
         self.encoders = EncoderSettings.model_validate(endpoints["encoders"])
 
-    def drive(self, start_ns: int) -> None:
+    def start_world(self, start_ns: int) -> None:
         """Let the world begin at this monotonic time: first its rest, then its course."""
         self._start_ns = start_ns
         self._tell({"drive": start_ns})

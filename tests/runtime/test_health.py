@@ -1,25 +1,35 @@
+import numpy as np
 import pytest
 
 from drivers.measurements import SensorHealth, SensorState
 from runtime.health import HealthMonitor, RunState
 from runtime.tick import SinkHealth
-from slam.estimate import Quality
+from slam.estimate import Estimate, Quality
+from slam.pose import Pose2
 
 FRESH = SensorHealth(SensorState.FRESH, "", 10.0)
+NOWHERE, ZERO = Pose2(), np.zeros((3, 3))
 QUIET = {"record": SinkHealth(0, 0)}
+
+
+def estimate_of(quality: Quality, doubt: str = "") -> Estimate:
+    return Estimate(0, NOWHERE, ZERO, NOWHERE, ZERO, NOWHERE, quality, doubt=doubt)
+
+
+WELL = estimate_of(Quality.TRACKING)
 
 
 def test_all_well_is_running_and_said_once() -> None:
     monitor = HealthMonitor()
-    health, events = monitor.assess(1, {"laser": FRESH}, QUIET, Quality.TRACKING)
+    health, events = monitor.assess(1, {"laser": FRESH}, QUIET, WELL)
     assert health.state is RunState.RUNNING
     assert [event.kind for event in events] == ["running"]
-    assert monitor.assess(2, {"laser": FRESH}, QUIET, Quality.TRACKING)[1] == ()
+    assert monitor.assess(2, {"laser": FRESH}, QUIET, WELL)[1] == ()
 
 
 @pytest.mark.parametrize("state", [SensorState.STALE, SensorState.FAILED, SensorState.STARTING])
 def test_a_sensor_in_trouble_degrades_with_its_name_state_and_reason(state: SensorState) -> None:
-    health, events = HealthMonitor().assess(1, {"laser": SensorHealth(state, "cable", 0.0)}, QUIET, Quality.TRACKING)
+    health, events = HealthMonitor().assess(1, {"laser": SensorHealth(state, "cable", 0.0)}, QUIET, WELL)
     assert health.state is RunState.DEGRADED
     assert health.reasons == (f"laser {state}: cable",)
     assert "cable" in events[0].reason
@@ -27,15 +37,15 @@ def test_a_sensor_in_trouble_degrades_with_its_name_state_and_reason(state: Sens
 
 def test_a_changed_figure_in_a_reason_is_no_new_event() -> None:
     monitor = HealthMonitor()
-    monitor.assess(1, {"laser": SensorHealth(SensorState.STALE, "0.6 s old", 0.0)}, QUIET, Quality.TRACKING)
+    monitor.assess(1, {"laser": SensorHealth(SensorState.STALE, "0.6 s old", 0.0)}, QUIET, WELL)
     later = SensorHealth(SensorState.STALE, "0.7 s old", 0.0)
-    assert monitor.assess(2, {"laser": later}, QUIET, Quality.TRACKING)[1] == ()
+    assert monitor.assess(2, {"laser": later}, QUIET, WELL)[1] == ()
 
 
 def test_a_sink_that_drops_degrades_only_while_it_drops() -> None:
     monitor = HealthMonitor()
     states = [
-        monitor.assess(k, {"laser": FRESH}, {"record": SinkHealth(0, dropped)}, Quality.TRACKING)[0].state
+        monitor.assess(k, {"laser": FRESH}, {"record": SinkHealth(0, dropped)}, WELL)[0].state
         for k, dropped in enumerate((0, 3, 3))
     ]
     assert states == [RunState.RUNNING, RunState.DEGRADED, RunState.RUNNING]
@@ -43,7 +53,7 @@ def test_a_sink_that_drops_degrades_only_while_it_drops() -> None:
 
 def test_a_lost_pose_outranks_a_degraded_sensor() -> None:
     stale = SensorHealth(SensorState.STALE, "silent", 0.0)
-    assert HealthMonitor().assess(1, {"laser": stale}, QUIET, Quality.LOST)[0].state is RunState.LOST
+    assert HealthMonitor().assess(1, {"laser": stale}, QUIET, estimate_of(Quality.LOST))[0].state is RunState.LOST
 
 
 def test_a_doubted_pose_is_a_reason_and_each_change_of_it_an_event() -> None:
@@ -55,7 +65,7 @@ def test_a_doubted_pose_is_a_reason_and_each_change_of_it_an_event() -> None:
         (Quality.LOST, "nothing of the map is seen: for 2.1 s"),
         (Quality.TRACKING, ""),
     ]
-    told = [monitor.assess(k, {"laser": FRESH}, QUIET, quality, doubt) for k, (quality, doubt) in enumerate(doubts)]
+    told = [monitor.assess(k, {"laser": FRESH}, QUIET, estimate_of(*doubt)) for k, doubt in enumerate(doubts)]
     assert [health.state for health, _ in told] == ["running", "degraded", "degraded", "lost", "running"]
     assert [len(events) for _, events in told] == [1, 1, 0, 1, 1]
     assert told[3][1][0].reason == "lost: pose lost, nothing of the map is seen: for 2.1 s"

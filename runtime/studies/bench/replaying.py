@@ -12,7 +12,7 @@ from runtime.record.mcap_file import RunWriter
 from runtime.record.reader import RunReader
 from runtime.replay.replay import replay
 from runtime.settings.configuration import Configuration
-from runtime.tick import Tick, Timing
+from runtime.tick import CompletedTick, Tick, Timing
 from slam.estimator import Estimator
 from slam.pose import Pose2
 
@@ -36,5 +36,7 @@ def record(folder: Path, drive: Sequence[tuple[int, Scan, WheelCounts, Pose2]], 
     for seq, (stamp_ns, scan, wheels, truth) in enumerate(drive):
         tick = Tick(seq, stamp_ns, scan, (wheels,))
         estimate = estimator.step(stamp_ns, scan, (wheels,))
-        writer.add(tick_records(tick, estimate, Timing(0, 0, {"step": 0}), estimator.state_hash(), truth))
+        writer.add(
+            tick_records(CompletedTick(tick, estimate, Timing(0, 0, {"step": 0}), estimator.state_hash(), truth))
+        )
     writer.close()

@@ -30,7 +30,7 @@ NEWEST_S = 2e-3  # ages of frames are told with the uncertainty of their arrival
 
 
 class SteppedRover:
-    """Until `drive` it lives at life's pace; then `live_until` is its only time.
+    """Until `start_world` it lives at life's pace; then `live_until` is its only time.
 
     laser, encoders: the settings by which the drivers reach it. not_taken: how often a driver did not take what was
     sent within a quarter of a second; waited_s: for sinks with too much in their queues, which cannot be on a rover.
@@ -72,7 +72,7 @@ class SteppedRover:
         """Those who have to take what they get before time goes on: the threads of the sinks have no leaping clock."""
         self._drivers, self._sinks = (laser, encoders), sinks
 
-    def drive(self, start_ns: int) -> None:
+    def start_world(self, start_ns: int) -> None:
         """Let the world begin at this time."""
         self._stop_before()
         self._start_ns = start_ns
@@ -143,5 +143,5 @@ class SteppedRover:
         self._before.join()
 
     def _world_ns(self, stamp_ns: int) -> int:
-        """Time of the world; far before its beginning until drive(): the rover stands, the noise is alive."""
+        """Time of the world; far before its beginning until start_world(): the rover stands, the noise is alive."""
         return stamp_ns - (FAR_NS if self._start_ns is None else self._start_ns)

@@ -19,8 +19,8 @@ import numpy as np
 from runtime.errors import ConfigurationError
 from runtime.live.clock import Clock
 from runtime.live.drawing_process import ReviewProcess
-from runtime.live.drive import drive
 from runtime.live.parts import Parts, live_parts
+from runtime.live.run import Host, run_live
 from runtime.record.check import verify_run
 from runtime.record.folder import RunFolder
 from runtime.record.manifest import Manifest
@@ -72,7 +72,8 @@ def soak(
         listener = Listener(configuration.publish.listen[0])
         real_s = -os.times().elapsed
         try:
-            summary = drive(wired, folder, clock, stop, driven_s, stream, ServiceManager(""), wire)
+            host = Host(clock, stop, stream, ServiceManager(""))
+            summary = run_live(wired, folder, host, driven_s, wire)
         finally:
             real_s += os.times().elapsed
             heard = listener.heard()

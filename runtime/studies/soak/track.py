@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.live.drawing_process import ReviewProcess, resident_mb
-from runtime.tick import SinkHealth, Tick, Timing
-from slam.estimate import Estimate
-from slam.pose import Pose2
+from runtime.live.drawing_process import ReviewProcess
+from runtime.service.memory import resident_mb
+from runtime.tick import CompletedTick, SinkHealth
 
 DESCRIPTORS, THREADS = Path("/proc/self/fd"), Path("/proc/self/task")
 GARBAGE_BEATS = 5  # before the end: one of the last beats may be missed
@@ -59,15 +58,9 @@ class ProcessTrack:
         self._every_ns = round(every_s * 1e9)
         self._first_ns = self._next_ns = -1
 
-    def put(
-        self,
-        tick: Tick,
-        estimate: Estimate,
-        timing: Timing,
-        state_hash: bytes,  # noqa: ARG002
-        truth: Pose2 | None,  # noqa: ARG002
-    ) -> None:
+    def put(self, completed: CompletedTick) -> None:
         """One tick."""
+        tick, estimate, timing = completed.tick, completed.estimate, completed.timing
         if self._first_ns < 0:
             self._first_ns = self._next_ns = tick.stamp_ns
         if timing.missed or tick.seq % LOOK_BEATS == 0:
@@ -83,7 +76,7 @@ class ProcessTrack:
         self.samples.append(
             Sample(
                 (tick.stamp_ns - self._first_ns) * 1e-9,
-                resident_mb(os.getpid()),
+                resident_mb(),
                 heap_mb(),
                 sys.getallocatedblocks(),
                 descriptors(),

@@ -11,7 +11,7 @@ from runtime.messages.records import tick_records
 from runtime.record.header import RunHeader
 from runtime.record.mcap_file import RecordFile
 from runtime.settings.configuration import load_configuration_text
-from runtime.tick import Tick
+from runtime.tick import CompletedTick, Tick
 from tests.support.runtime.made_drives import BOOT_NS, Rover, park_drive
 from tests.support.runtime.recorded_values import make_estimate, make_timing
 
@@ -24,7 +24,7 @@ def _record(folder: Path, ticks: list[Tick]) -> Path:
     file = RecordFile(folder / "run.mcap", RunHeader(CONFIGURATION, "live").metadata, {})
     for tick in ticks:
         estimate = make_estimate(tick.stamp_ns, rng, 1081)
-        for record in tick_records(tick, estimate, make_timing(tick.seq), bytes(16), None):
+        for record in tick_records(CompletedTick(tick, estimate, make_timing(tick.seq), bytes(16), None)):
             file.add(record)
     file.finish()
     file.write()

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from runtime.cli.__main__ import app
 from runtime.errors import ConfigurationError, SensorError, UsageError
 from runtime.publish.publisher import ZenohPublisher
-from tests.support.zenoh.wire import free_port, publishing, put_ticks, settings_on, until
+from tests.support.zenoh.wire import free_port, opened, publishing, put_ticks, settings_on, until
 
 RULES = """{access_control: {enabled: true, default_permission: "deny",
   rules: [{id: "local", permission: "allow", flows: ["ingress", "egress"], key_exprs: ["infant/**"],
@@ -24,7 +24,7 @@ def rover(tmp_path: Path) -> Iterator[tuple[ZenohPublisher, str]]:
     file, port = tmp_path / "rules.json5", free_port()
     file.write_text(RULES)
     with publishing(settings_on(port, commands=True, config_file=str(file))) as publisher:
-        assert publisher.opened(10.0)
+        assert opened(publisher)
         yield publisher, f"tcp/127.0.0.1:{port}"
 
 

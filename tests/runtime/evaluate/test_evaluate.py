@@ -27,7 +27,7 @@ from runtime.record.header import RunHeader
 from runtime.record.mcap_file import RunWriter
 from runtime.record.trajectories import Trajectories
 from runtime.settings.configuration import load_configuration_text
-from runtime.tick import Tick
+from runtime.tick import CompletedTick, Tick
 from slam.estimate import Estimate, Quality
 from slam.pose import Pose2
 from tests.support.runtime.recorded_values import make_timing
@@ -58,7 +58,7 @@ def write_run(folder: Path, source: str = "live", simulated: bool = True, offset
         pose, true = Pose2(x, y + offset_m, heading), Pose2(x, y, heading)
         particles = Pose2(x + 0.4, y, heading)
         estimate = Estimate(tick.stamp_ns, pose, np.eye(3), particles, np.eye(3), true, Quality.TRACKING)
-        records = tick_records(tick, estimate, make_timing(seq), bytes(16), true if simulated else None)
+        records = tick_records(CompletedTick(tick, estimate, make_timing(seq), bytes(16), true if simulated else None))
         writer.add(input_records(tick) if source.startswith("import") else records)
     writer.close()
 

@@ -17,9 +17,9 @@ from drivers.measurements import (
     uniform_bearings,
 )
 from runtime.health import Health, HealthMonitor
-from runtime.live.loop import Loop
+from runtime.live.loop import Inputs, Loop, Outputs
 from runtime.live.stage_clock import StageClock
-from runtime.tick import SinkHealth, Tick, Timing
+from runtime.tick import CompletedTick, SinkHealth, Tick, Timing
 from slam.estimate import Estimate, Quality
 from slam.pose import Pose2
 
@@ -87,9 +87,9 @@ class Collector:
         self.timings: list[Timing] = []
         self.sink_health = SinkHealth(0, 0)
 
-    def put(self, tick: Tick, estimate: Estimate, timing: Timing, state_hash: bytes, truth: Pose2 | None) -> None:
-        self.ticks.append(tick)
-        self.timings.append(timing)
+    def put(self, completed: CompletedTick) -> None:
+        self.ticks.append(completed.tick)
+        self.timings.append(completed.timing)
 
     def health(self) -> SinkHealth:
         return self.sink_health
@@ -103,19 +103,15 @@ def run_loop(
     clock, sink, seen = ObedientClock(), Collector(), []
     sensors = sensors or StillSensors()
 
-    def watch(_tick: Tick, _estimate: Estimate, _timing: Timing, health: Health) -> None:
+    def watch(_completed: CompletedTick, health: Health) -> None:
         seen.append(health)
 
     loop = Loop(
-        clock,
-        sensors,
-        sensors,
+        StageClock(clock),
         ThinkingEstimator(clock, think_ns),
-        {"collector": sink},
-        HealthMonitor(),
+        Inputs(sensors, sensors),
+        Outputs({"collector": sink}, HealthMonitor(), watch),
         PERIOD_NS,
-        lambda _stamp_ns: None,
-        watch,
     )
     loop.run(1000, threading.Event(), duration_ns)
     return sink, loop, seen
@@ -148,20 +144,16 @@ def test_the_loop_stops_when_told() -> None:
     clock, stop = ObedientClock(), threading.Event()
     sensors, sink = StillSensors(), Collector()
 
-    def watch(tick: Tick, _estimate: Estimate, _timing: Timing, _health: Health) -> None:
-        if tick.seq == 4:
+    def watch(completed: CompletedTick, _health: Health) -> None:
+        if completed.tick.seq == 4:
             stop.set()
 
     Loop(
-        clock,
-        sensors,
-        sensors,
+        StageClock(clock),
         ThinkingEstimator(clock, lambda _s: 0),
-        {"c": sink},
-        HealthMonitor(),
+        Inputs(sensors, sensors),
+        Outputs({"c": sink}, HealthMonitor(), watch),
         PERIOD_NS,
-        lambda _stamp_ns: None,
-        watch,
     ).run(0, stop, None)
     assert len(sink.ticks) == 5
 
@@ -192,15 +184,11 @@ def test_a_defect_in_the_estimator_is_contained_and_recorded() -> None:
     clock, sensors, sink = ObedientClock(), StillSensors(), Collector()
     sensors.scans = [Scan(0, np.zeros(3, np.float32), uniform_bearings(-1.0, 1.0, 3))]
     Loop(
-        clock,
-        sensors,
-        sensors,
+        StageClock(clock),
         Defective(clock, lambda _s: 0),
-        {"c": sink},
-        HealthMonitor(),
+        Inputs(sensors, sensors),
+        Outputs({"c": sink}, HealthMonitor(), lambda *_: None),
         PERIOD_NS,
-        lambda _stamp_ns: None,
-        lambda *_: None,
     ).run(0, threading.Event(), 3 * PERIOD_NS)
     assert len(sink.ticks) == 3
     defects = [event for tick in sink.ticks for event in tick.events if event.kind == "defect"]
@@ -229,16 +217,11 @@ def test_the_estimators_own_stages_stand_in_the_timing() -> None:
             return super().step(stamp_ns, scan, wheels)
 
     Loop(
-        clock,
-        sensors,
-        sensors,
+        stages,
         Marking(clock, lambda _s: 3_000_000),
-        {"c": sink},
-        HealthMonitor(),
+        Inputs(sensors, sensors),
+        Outputs({"c": sink}, HealthMonitor(), lambda *_: None),
         PERIOD_NS,
-        lambda _stamp_ns: None,
-        lambda *_: None,
-        stages=stages,
     ).run(0, threading.Event(), PERIOD_NS)
     taken = sink.timings[0].stages_ns
     assert (taken["front end"], taken["estimate"], taken["step"]) == (2_000_000, 3_000_000, 5_000_000)
@@ -246,20 +229,16 @@ def test_the_estimators_own_stages_stand_in_the_timing() -> None:
 
 def test_a_sink_that_raises_loses_its_tick_and_not_the_run() -> None:
     class Broken(Collector):
-        def put(self, tick: Tick, estimate: Estimate, timing: Timing, state_hash: bytes, truth: Pose2 | None) -> None:
+        def put(self, completed: CompletedTick) -> None:
             raise RuntimeError("no room")
 
     clock, sensors, sink = ObedientClock(), StillSensors(), Collector()
     Loop(
-        clock,
-        sensors,
-        sensors,
+        StageClock(clock),
         ThinkingEstimator(clock, lambda _s: 0),
-        {"broken": Broken(), "c": sink},
-        HealthMonitor(),
+        Inputs(sensors, sensors),
+        Outputs({"broken": Broken(), "c": sink}, HealthMonitor(), lambda *_: None),
         PERIOD_NS,
-        lambda _stamp_ns: None,
-        lambda *_: None,
     ).run(0, threading.Event(), 3 * PERIOD_NS)
     assert len(sink.ticks) == 3
     assert any(event.source == "broken" and "no room" in event.reason for event in sink.ticks[1].events)

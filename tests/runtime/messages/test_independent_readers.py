@@ -27,6 +27,7 @@ from runtime.review.viewer import headless_viewer, reported_errors, viewer_path
 from runtime.review.writer import ReviewWriter
 from runtime.settings.review import ReviewSettings
 from runtime.source_tree import ROOT
+from runtime.tick import CompletedTick
 from slam.pose import Pose2
 from tests.support.runtime.drawn_drive import MOUNT, drive
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
@@ -60,7 +61,7 @@ def mcap(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for seq in range(TICKS):
         tick = make_tick(seq + 1, rng, "sightings" if seq == 3 else "scan")
         estimate = make_estimate(tick.stamp_ns, rng)
-        records = tick_records(tick, estimate, make_timing(seq), bytes(16), Pose2(0.1 * seq, 0.0, 0.0))
+        records = tick_records(CompletedTick(tick, estimate, make_timing(seq), bytes(16), Pose2(0.1 * seq, 0.0, 0.0)))
         raw = [
             encode_laser_bytes(LaserBytes(tick.stamp_ns, seq % 2 == 0, b"GE\n")),
             encode_can_frame(tick.stamp_ns, 0x123, 0, b"\x01\x02"),

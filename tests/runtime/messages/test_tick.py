@@ -26,7 +26,7 @@ from drivers.measurements import (
 from runtime.messages.definitions import TYPES, definition
 from runtime.messages.estimate import decode_estimate, decode_poses, encode_estimate
 from runtime.messages.records import input_records, tick_records
-from runtime.messages.ros import decode_can_frame, decode_ranges_m, encode_can_frame, encode_odometry, encode_pose
+from runtime.messages.ros import decode_ranges_m, encode_can_frame, encode_odometry, encode_pose
 from runtime.messages.tick import (
     Gap,
     LaserBytes,
@@ -45,8 +45,9 @@ from runtime.messages.tick import (
     encode_truth,
     exact_increment_rad,
 )
-from runtime.tick import Tick
+from runtime.tick import CompletedTick, Tick
 from slam.pose import Pose2
+from tests.support.runtime.inverses import decode_can_frame
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing, same_bits
 
 stamps = st.integers(0, 2**31 * 10**9 - 1)  # what builtin_interfaces/Time can hold: 68 years of uptime
@@ -199,7 +200,9 @@ def test_an_fd_frame_keeps_all_its_bytes() -> None:
 def test_another_reader_understands_every_type(topic: str) -> None:
     rng = np.random.default_rng(4)
     tick, estimate = make_tick(7, rng), make_estimate(70, rng)
-    records = {r.topic: r for r in tick_records(tick, estimate, make_timing(7), bytes(16), Pose2(1.0, 2.0, 0.5))}
+    records = {
+        r.topic: r for r in tick_records(CompletedTick(tick, estimate, make_timing(7), bytes(16), Pose2(1.0, 2.0, 0.5)))
+    }
     for record in (
         encode_can_frame(1, 2, 0, b"abc"),
         encode_can_frame(1, 2, 8, b"abc"),

@@ -9,24 +9,27 @@ import pytest
 import zenoh
 
 from drivers.measurements import Event
-from runtime.commands import LONGEST_REASON, MOST_WAITING, Command, CommandDesk, asked
+from runtime.commands import LONGEST_REASON, MOST_WAITING, Command, CommandQueue, command_of
 from runtime.errors import ConfigurationError, SensorError
 from runtime.health import HealthMonitor
 from runtime.live.clock import MonotonicClock
-from runtime.live.loop import Loop
+from runtime.live.loop import Inputs, Loop, Outputs
+from runtime.live.stage_clock import StageClock
 from runtime.publish.commands import send_command
 from runtime.publish.publisher import ZenohPublisher
 from runtime.publish.session import rover_config, tool_config
 from runtime.record.folder import RunFolder
+from runtime.record.header import RunHeader
 from runtime.record.manifest import Manifest
 from runtime.record.reader import RunReader
-from runtime.record.recorder import STOPPED, Recorder
+from runtime.record.writing.recorder import STOPPED, Recorder
 from runtime.settings.configuration import load_configuration_text
+from runtime.tick import CompletedTick, Sink
 from slam.settings.slam import SlamSettings
 from tests.runtime.live.test_loop import StillSensors
 from tests.support.runtime.small_estimator import SmallEstimator
 from tests.support.zenoh.fleet import Fleet, routing, running_fleet
-from tests.support.zenoh.wire import free_port, publishing, settings_on, until
+from tests.support.zenoh.wire import free_port, opened, publishing, settings_on, until
 
 REFUSED_S = 0.7  # how long a test waits for an answer that must not come
 
@@ -68,7 +71,7 @@ def test_a_router_that_shows_another_rovers_certificate_commands_nothing(fleet: 
         routing(impostor, "rover2"),
         publishing(impostor.rover_settings("rover1", commands=True), "rover1") as publisher,
     ):
-        assert publisher._opened.wait(10.0)
+        assert until(lambda: publisher.listening is not None, 10.0)
         assert not command(impostor, "operator", Command.STOP)
         assert publisher.drain_events() == ()
 
@@ -83,14 +86,14 @@ def test_a_question_with_wildcards_is_no_command(tmp_path: Path) -> None:
     port = free_port()
     endpoint = f"tcp/127.0.0.1:{port}"
     with publishing(settings_on(port, commands=True, config_file=str(file))) as publisher:
-        assert publisher.opened(10.0)
+        assert opened(publisher)
         with zenoh.open(tool_config(endpoint)) as session:
             for key in ("infant/**", "infant/r1/command/*", "**"):
                 answers = [reply.ok.payload.to_bytes() for reply in session.get(key, payload=b"x") if reply.ok]
                 assert not [answer for answer in answers if b"accepted" in answer]
         assert publisher.drain_events() == ()
         assert send_command(endpoint, "r1", Command.SAVE, "").accepted
-        assert [asked(event) for event in publisher.drain_events()] == [Command.SAVE]
+        assert [command_of(event) for event in publisher.drain_events()] == [Command.SAVE]
 
 
 def test_commands_without_access_rules_stop_the_start(tmp_path: Path) -> None:
@@ -103,42 +106,37 @@ def test_commands_without_access_rules_stop_the_start(tmp_path: Path) -> None:
 
 
 def test_a_reason_that_says_nothing_or_too_much_is_refused() -> None:
-    desk = CommandDesk(lambda: 5)
-    assert "got 0" in desk.take(Command.MARK, b"  ")
-    assert f"got {LONGEST_REASON + 1}" in desk.take(Command.SAVE, b"x" * (LONGEST_REASON + 1))
-    assert desk.take(Command.SAVE, b"\xff broken UTF-8") == ""
+    commands = CommandQueue(lambda: 5)
+    assert "got 0" in commands.accept(Command.MARK, b"  ")
+    assert f"got {LONGEST_REASON + 1}" in commands.accept(Command.SAVE, b"x" * (LONGEST_REASON + 1))
+    assert commands.accept(Command.SAVE, b"\xff broken UTF-8") == ""
     for _ in range(MOST_WAITING - 1):
-        assert desk.take(Command.SAVE, b"") == ""
-    assert "wait" in desk.take(Command.SAVE, b"")
-    assert len(desk.drain_events()) == MOST_WAITING
-    assert desk.take(Command.STOP, b"enough") == ""
-    assert "stopped" in desk.take(Command.MARK, b"too late")
-    assert [(event.kind, event.reason, event.stamp_ns) for event in desk.drain_events()] == [("stop", "enough", 5)]
+        assert commands.accept(Command.SAVE, b"") == ""
+    assert "wait" in commands.accept(Command.SAVE, b"")
+    assert len(commands.drain_events()) == MOST_WAITING
+    assert commands.accept(Command.STOP, b"enough") == ""
+    assert "stopped" in commands.accept(Command.MARK, b"too late")
+    assert [(event.kind, event.reason, event.stamp_ns) for event in commands.drain_events()] == [("stop", "enough", 5)]
 
 
 def test_events_of_others_are_no_commands() -> None:
-    assert asked(Event(0, "laser", "stop", "")) is None
-    assert asked(Event(0, "command", "dance", "")) is None
-    assert asked(Event(0, "command", "stop", "")) is Command.STOP
+    assert command_of(Event(0, "laser", "stop", "")) is None
+    assert command_of(Event(0, "command", "dance", "")) is None
+    assert command_of(Event(0, "command", "stop", "")) is Command.STOP
 
 
 def test_each_command_over_the_wire_is_obeyed_and_stands_in_the_record(fleet: Fleet, tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path / "run", tmp_path)
-    recorder = Recorder(folder, "", {})
+    recorder = Recorder(folder, RunHeader.of_live_run("", {}))
     publisher = ZenohPublisher(fleet.rover_settings("rover1", commands=True), "rover1")
     sensors, clock, stop = StillSensors(), MonotonicClock(), threading.Event()
-    sinks = {"record": recorder, "publish": publisher}
+    sinks: dict[str, Sink] = {"record": recorder, "publish": publisher}
     loop = Loop(
-        clock,
-        sensors,
-        sensors,
+        StageClock(clock),
         SmallEstimator(SlamSettings(), 1),
-        sinks,  # type: ignore[arg-type]
-        HealthMonitor(),
+        Inputs(sensors, sensors, publisher.drain_events),
+        Outputs(sinks, HealthMonitor(), lambda *watched: None),
         20_000_000,
-        lambda stamp_ns: None,
-        lambda *watched: None,
-        publisher.drain_events,
     )
     driving = threading.Thread(target=loop.run, args=(clock.now_ns(), stop, 60_000_000_000))
     driving.start()
@@ -172,10 +170,10 @@ def test_save_keeps_the_map(tmp_path: Path) -> None:
     from tests.support.runtime.recorded_values import make_estimate, make_timing
 
     folder = RunFolder.create(tmp_path / "run", tmp_path)
-    recorder = Recorder(folder, "", {})
+    recorder = Recorder(folder, RunHeader.of_live_run("", {}))
     estimate = make_estimate(1_000, np.random.default_rng(1))
     tick = Tick(3, 1_000, None, (), (Event(900, "command", "save", "at the gate"),))
-    recorder.put(tick, estimate, make_timing(3), bytes(16), None)
+    recorder.put(CompletedTick(tick, estimate, make_timing(3), bytes(16), None))
     assert until(folder.map_path.exists)
     recorder.close()
     assert estimate.landmarks is not None

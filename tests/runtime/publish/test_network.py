@@ -18,10 +18,10 @@ CLOSE_S = 4.0  # of which 3 s are waited for a peer that has stopped reading
 FORGETFUL = """
 import sys
 from runtime.publish.publisher import ZenohPublisher
-from tests.support.zenoh.wire import put_ticks, settings_on, start_module
+from tests.support.zenoh.wire import opened, put_ticks, settings_on, start_module
 port = int(sys.argv[1])
 publisher = ZenohPublisher(settings_on(port), "r1")
-assert publisher.opened(5.0)
+assert opened(publisher)
 put_ticks(publisher, range(3), 0.0)
 asker = start_module("tests.support.zenoh.asker", f"tcp/127.0.0.1:{port}", "infant/r1/pose", "10")
 put_ticks(publisher, range(20), 0.01)

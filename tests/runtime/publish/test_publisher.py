@@ -14,13 +14,13 @@ import zenoh
 from runtime.errors import ConfigurationError
 from runtime.health import Health, RunState
 from runtime.publish.publisher import ZenohPublisher
-from runtime.publish.ros2_keys import read_attachment
 from runtime.publish.session import next_port, rover_config, tool_config
 from runtime.publish.topics import Pace
 from runtime.settings.publish import PublishSettings
 from runtime.source_tree import ROOT
-from runtime.tick import SinkHealth
+from runtime.tick import CompletedTick, SinkHealth
 from slam.estimate import Quality
+from tests.support.runtime.inverses import read_attachment
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
 from tests.support.runtime.ros_types import (
     FirstMarker,
@@ -30,7 +30,16 @@ from tests.support.runtime.ros_types import (
     TransformMessage,
     read,
 )
-from tests.support.zenoh.wire import WALL_OFFSET_NS, free_port, listening, publishing, put_ticks, settings_on, until
+from tests.support.zenoh.wire import (
+    WALL_OFFSET_NS,
+    free_port,
+    listening,
+    opened,
+    publishing,
+    put_ticks,
+    settings_on,
+    until,
+)
 
 TICK_NS = 100_000_000
 
@@ -62,7 +71,7 @@ def test_a_reader_nobody_here_wrote_reads_every_message() -> None:
     wanted = {"infant/r1/pose", "infant/r1/odom"}
     with publishing(settings_on(port)) as publisher, listening(f"tcp/127.0.0.1:{port}", "infant/**") as listener:
         for _ in range(200):
-            publisher.put(tick, estimate, make_timing(7), bytes(16), None)
+            publisher.put(CompletedTick(tick, estimate, make_timing(7), bytes(16), None))
             if until(lambda: {message["key"] for message in listener.messages} >= wanted, 0.05):
                 break
     pose = read(PoseWithCovarianceStamped, listener.payloads("infant/r1/pose")[0])
@@ -159,7 +168,7 @@ def test_map_to_odom_times_odom_to_body_is_the_pose() -> None:
 def test_queries_answer_with_the_last_pose_map_status_and_configuration() -> None:
     port = free_port()
     with publishing(settings_on(port), configuration_text='rover = "r1"\n') as publisher:
-        assert publisher.opened(5.0)
+        assert opened(publisher)
         publisher.note_health(Health(0, RunState.DEGRADED, ("laser stale",), {}, {"x": SinkHealth(1, 2)}, Quality.LOST))
         put_ticks(publisher, range(3), 0.0)
         answers: dict[str, bytes] = {}
@@ -184,9 +193,9 @@ def test_queries_answer_with_the_last_pose_map_status_and_configuration() -> Non
 def test_a_taken_port_moves_the_second_rover_to_the_next() -> None:
     port = free_port()
     with publishing(settings_on(port), "r1") as first:
-        assert first.opened(5.0) == (f"tcp/127.0.0.1:{port}",)
+        assert opened(first) == (f"tcp/127.0.0.1:{port}",)
         with publishing(settings_on(port), "r2") as second:
-            moved = second.opened(5.0)
+            moved = opened(second)
             assert moved
             assert moved != (f"tcp/127.0.0.1:{port}",)
             assert second.health().trouble == ""
@@ -253,7 +262,7 @@ def test_a_full_queue_loses_the_oldest_tick_and_counts_it() -> None:
     put_ticks(publisher, range(12), 0.0)
     assert (publisher.health().depth, publisher.health().dropped) == (5, 7)
     first = publisher._queue.get_nowait()
-    assert first is not None
+    assert isinstance(first, CompletedTick)
     assert first.tick.seq == 7
 
 

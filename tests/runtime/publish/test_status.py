@@ -9,9 +9,10 @@ from drivers.measurements import SensorHealth, SensorState
 from runtime.health import Health, RunState
 from runtime.publish.messages import status_object
 from runtime.publish.status import fetch_status, silence_sentence, status_line, status_table, watch_status
+from runtime.tick import CompletedTick
 from slam.estimate import Quality
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
-from tests.support.zenoh.wire import free_port, publishing, put_ticks, settings_on, until
+from tests.support.zenoh.wire import free_port, opened, publishing, put_ticks, settings_on, until
 
 STALE = Health(
     0,
@@ -25,15 +26,16 @@ STALE = Health(
 
 def made_status(rover: str) -> dict[str, Any]:
     rng = np.random.default_rng(1)
-    return status_object(rover, 7, make_tick(3, rng), make_estimate(0, rng), make_timing(3), 10.0, STALE)
+    completed = CompletedTick(make_tick(3, rng), make_estimate(0, rng), make_timing(3), bytes(16), None)
+    return status_object(rover, 7, completed, 10.0, STALE)
 
 
 def test_two_rovers_are_both_found_and_do_not_mix() -> None:
     ports = free_port(), free_port()
     endpoints = [f"tcp/127.0.0.1:{port}" for port in ports]
     with publishing(settings_on(ports[0]), "b") as first, publishing(settings_on(ports[1]), "a") as second:
-        assert first.opened(5.0)
-        assert second.opened(5.0)
+        assert opened(first)
+        assert opened(second)
         first.note_health(STALE)
         put_ticks(first, range(30), 0.0)
         put_ticks(second, range(200, 220), 0.0)
@@ -54,7 +56,7 @@ def test_two_rovers_are_both_found_and_do_not_mix() -> None:
 def test_the_rate_in_the_status_is_that_of_the_ticks() -> None:
     port = free_port()
     with publishing(settings_on(port, queue=100)) as publisher:
-        assert publisher.opened(5.0)
+        assert opened(publisher)
         put_ticks(publisher, range(41), 0.0)
 
         def rate_known() -> bool:
@@ -76,7 +78,7 @@ def test_watching_sees_a_rover_come_and_go() -> None:
     watch = watch_status([f"tcp/127.0.0.1:{port}"], period_s=0.05)
     assert next(watch) == []
     with publishing(settings_on(port)) as publisher:
-        assert publisher.opened(5.0)
+        assert opened(publisher)
         put_ticks(publisher, range(5), 0.0)
         assert until(lambda: [status["rover"] for status in next(watch)] == ["r1"])
     assert until(lambda: next(watch) == [])

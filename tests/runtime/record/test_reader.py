@@ -11,6 +11,7 @@ from runtime.record.header import RunHeader
 from runtime.record.mcap_file import RecordFile
 from runtime.record.mcap_prefix import McapPrefix
 from runtime.record.reader import RecordedTick, RunReader
+from runtime.tick import CompletedTick
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing, same_bits
 
 TICKS_A_CHUNK = 3
@@ -25,7 +26,7 @@ def write_run(folder: Path, ticks: int = 12) -> list[int]:
     for seq in range(ticks):
         tick = make_tick(seq, rng, ("scan", "sightings", "nothing")[seq % 3], 40)
         estimate = make_estimate(tick.stamp_ns, rng, 40)
-        for record in tick_records(tick, estimate, make_timing(seq), bytes([seq] * 16), None):
+        for record in tick_records(CompletedTick(tick, estimate, make_timing(seq), bytes([seq] * 16), None)):
             file.add(record)
         if seq % TICKS_A_CHUNK == TICKS_A_CHUNK - 1:
             file.end_chunk()

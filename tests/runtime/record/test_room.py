@@ -8,13 +8,14 @@ import pytest
 
 from runtime.errors import NotARunError, UsageError
 from runtime.record.check import verify_run
+from runtime.record.header import RunHeader
 from runtime.record.manifest import Manifest
 from runtime.record.marks import leave_mark, running_run
 from runtime.record.reader import RunReader
 from runtime.record.room import is_being_written, make_room
 from runtime.settings.record import RecordSettings
-from tests.runtime.record.test_recorder import put, wait_until
 from tests.runtime.record.test_segments import Drive, driven, seqs
+from tests.runtime.record.writing.test_recorder import put, wait_until
 
 NO_RESERVE = {"keep_free_gb": 0.0}
 
@@ -84,7 +85,7 @@ def test_what_is_being_written_stays(tmp_path: Path) -> None:
 
 
 def test_a_mark_reaches_the_running_recorder_and_the_log(tmp_path: Path) -> None:
-    from tests.runtime.record.test_recorder import start
+    from tests.runtime.record.writing.test_recorder import start
 
     recorder = start(tmp_path / "runs" / "run")
     put(recorder, range(3))
@@ -124,12 +125,12 @@ def test_a_mark_needs_a_reason_and_a_run(tmp_path: Path) -> None:
 
 def test_the_recorder_keeps_its_budget_by_itself(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from runtime.record.folder import RunFolder
-    from runtime.record.recorder import Recorder
+    from runtime.record.writing.recorder import Recorder
 
-    monkeypatch.setattr("runtime.record.recorder.ROOM_NS", 0)
+    monkeypatch.setattr("runtime.record.writing.storage.ROOM_NS", 0)
     folder = RunFolder.create(tmp_path / "run", tmp_path)
     settings = RecordSettings(segment_s=0.5, budget_gb=1e-9, **NO_RESERVE)
-    recorder = Recorder(folder, "seed = 1\n", {}, settings=settings)
+    recorder = Recorder(folder, RunHeader.of_live_run("seed = 1\n", {}), settings)
     pause = threading.Event()
     for seq in range(40):
         put(recorder, range(seq, seq + 1))

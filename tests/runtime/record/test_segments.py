@@ -16,6 +16,7 @@ from runtime.record.reader import RecordedTick, RunReader
 from runtime.record.room import make_room
 from runtime.record.segments import Segments
 from runtime.settings.record import RecordSettings
+from runtime.tick import CompletedTick
 from tests.support.runtime.recorded_values import PERIOD_NS, make_estimate, make_tick, make_timing, same_bits
 
 SEGMENT_TICKS = 10
@@ -24,7 +25,9 @@ CHUNK_TICKS = 3
 
 def records_of(seq: int, rng: np.random.Generator, beams: int = 40) -> list[Record]:
     tick = make_tick(seq, rng, ("scan", "sightings", "nothing")[seq % 3], beams)
-    return tick_records(tick, make_estimate(tick.stamp_ns, rng, beams), make_timing(seq), bytes([seq] * 16), None)
+    return tick_records(
+        CompletedTick(tick, make_estimate(tick.stamp_ns, rng, beams), make_timing(seq), bytes([seq] * 16), None)
+    )
 
 
 class Drive:

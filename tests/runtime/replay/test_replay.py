@@ -20,7 +20,7 @@ from runtime.record.mcap_file import RunWriter
 from runtime.record.reader import RunReader
 from runtime.replay.replay import ReplayResult, replay, replay_lines, replay_run, summarise_replay
 from runtime.settings.configuration import load_configuration_text
-from runtime.tick import Tick
+from runtime.tick import CompletedTick, Tick
 from slam.estimator import Estimator
 from slam.pose import Pose2
 from slam.settings.slam import SlamSettings
@@ -57,7 +57,7 @@ def drive(folder: Path, ticks: int = TICKS, source: str = "live", gap_before: in
             writer.add([encode_gap(Gap(tick.stamp_ns, 1, 0, "the queue was full"))])
             continue
         truth = Pose2(float(seq), 0.0, 0.0)
-        outcome = tick_records(tick, estimate, make_timing(seq), estimator.state_hash(), truth)
+        outcome = tick_records(CompletedTick(tick, estimate, make_timing(seq), estimator.state_hash(), truth))
         writer.add(input_records(tick) if source != "live" else outcome)
     writer.close()
     return RunReader(folder)

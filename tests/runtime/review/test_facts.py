@@ -22,7 +22,7 @@ from runtime.review.rebuild import build_review
 from runtime.review.truth import truth_track
 from runtime.review.viewer import review_paths
 from runtime.settings.configuration import load_configuration_text
-from runtime.tick import Tick
+from runtime.tick import CompletedTick, Tick
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.observations import Features
 from slam.pose import Pose2
@@ -104,7 +104,7 @@ def write_imported_run(folder: Path, world_from_map: Pose2, offset_m: float) -> 
     for seq, (t, x, y, heading) in enumerate(rows.tolist()):
         tick = Tick(seq, round(t * 1e9), None, ())
         estimate = estimate_at(tick.stamp_ns, Pose2(x, y, heading), Pose2(x, y, heading))
-        writer.add(tick_records(tick, estimate, make_timing(seq), bytes(16), None))
+        writer.add(tick_records(CompletedTick(tick, estimate, make_timing(seq), bytes(16), None)))
     writer.close()
 
 

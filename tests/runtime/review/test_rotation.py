@@ -11,14 +11,16 @@ from runtime.live.drawing_process import ReviewProcess
 from runtime.messages.pipe import SEGMENT
 from runtime.messages.tick import Record
 from runtime.record.folder import RunFolder
+from runtime.record.header import RunHeader
 from runtime.record.manifest import Manifest
-from runtime.record.recorder import Recorder
 from runtime.record.room import make_room
+from runtime.record.writing.recorder import Recorder
 from runtime.review.rebuild import build_review
 from runtime.review.viewer import headless_viewer, last_time_s, reported_errors, review_paths
 from runtime.review.writer import ReviewWriter
 from runtime.settings.record import RecordSettings
 from runtime.settings.review import ReviewSettings
+from runtime.tick import CompletedTick
 from tests.runtime.review.test_rebuild import Drawn
 from tests.support.runtime.drawn_drive import MOUNT, drive
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
@@ -49,7 +51,9 @@ def drawn_in(folder: Path, records: Iterator[Record]) -> RunFolder:
 
 def put(recorder: Recorder, seq: int) -> None:
     rng = np.random.default_rng(seq)
-    recorder.put(make_tick(seq, rng), make_estimate(1 + seq * 100_000_000, rng), make_timing(seq), b"", None)
+    recorder.put(
+        CompletedTick(make_tick(seq, rng), make_estimate(1 + seq * 100_000_000, rng), make_timing(seq), b"", None)
+    )
 
 
 def test_the_parts_together_hold_what_one_file_holds(tmp_path: Path) -> None:
@@ -77,7 +81,7 @@ def test_the_recorder_says_when_a_segment_is_closed_and_the_review_follows(
     monkeypatch.setattr("runtime.live.drawing_process.DRAW_S", 60.0)  # on a busy machine the child is behind
     folder = RunFolder.create(tmp_path / "run", tmp_path)
     review = ReviewProcess(folder.review_path, ReviewSettings(), MOUNT)
-    recorder = Recorder(folder, "", {}, review.feed, settings=RecordSettings(segment_s=0.5))
+    recorder = Recorder(folder, RunHeader.of_live_run("", {}), RecordSettings(segment_s=0.5), [review])
     count = itertools.count()
 
     def has_parts() -> bool:
@@ -121,7 +125,7 @@ def test_a_child_that_has_grown_is_followed_by_another_and_nothing_is_lost(
 
 def test_made_again_it_is_one_file_and_the_parts_are_gone(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path / "run", tmp_path)
-    recorder = Recorder(folder, "", {})
+    recorder = Recorder(folder, RunHeader.of_live_run("", {}))
     for seq in range(20):
         put(recorder, seq)
     recorder.close()

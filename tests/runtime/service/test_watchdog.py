@@ -16,10 +16,11 @@ from drivers.settings.laser import LaserSettings
 from drivers.wheels.encoders import CanEncoders
 from runtime.messages.tick import Record
 from runtime.record.folder import RunFolder
+from runtime.record.header import RunHeader
 from runtime.record.mcap_file import RecordFile
-from runtime.record.recorder import Recorder
+from runtime.record.writing.recorder import Recorder
 from runtime.service.systemd import ServiceManager, WatchdogFeed
-from runtime.service.thread_watch import PATIENCE_S, ThreadWatch
+from runtime.service.thread_watch import TIMEOUT_S, ThreadWatch
 from runtime.source_tree import ROOT
 from tests.support.zenoh.wire import until
 
@@ -37,7 +38,7 @@ class SetClock:
 
 
 class Sign:
-    """Counts how often a thread got round."""
+    """Counts the heartbeats of a thread."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -53,35 +54,35 @@ class Sign:
 def test_a_thread_that_goes_silent_is_named_with_its_seconds() -> None:
     clock = SetClock()
     watch = ThreadWatch(clock.now_ns)
-    laser, _ = watch.sign("laser"), watch.sign("recorder")
+    laser, _ = watch.heartbeat("laser"), watch.heartbeat("recorder")
     watch.begin()
-    clock.ns += round(PATIENCE_S * S)
+    clock.ns += round(TIMEOUT_S * S)
     assert watch.stuck() == ""
     laser()
     clock.ns += S
-    assert watch.stuck() == "the thread recorder has not got round for 31 s"
+    assert watch.stuck() == "the thread recorder has not responded for 31 s"
 
 
 def test_a_hang_and_its_end_are_one_event_each() -> None:
     clock = SetClock()
     watch = ThreadWatch(clock.now_ns)
-    laser = watch.sign("laser")
+    laser = watch.heartbeat("laser")
     watch.begin()
     assert watch.drain_events() == ()
-    clock.ns += round(PATIENCE_S * S) + S
+    clock.ns += round(TIMEOUT_S * S) + S
     (hangs,) = watch.drain_events()
     assert (hangs.source, hangs.kind, hangs.severity) == ("laser", "hangs", Severity.ERROR)
-    assert hangs.reason == "the thread laser has not got round for 31 s; the watchdog is not fed meanwhile"
+    assert hangs.reason == "the thread laser has not responded for 31 s; the watchdog is not fed meanwhile"
     assert watch.drain_events() == ()
     laser()
     (again,) = watch.drain_events()
-    assert (again.reason, again.severity) == ("the thread laser gets round again", Severity.INFO)
+    assert (again.reason, again.severity) == ("the thread laser works again", Severity.INFO)
 
 
 def test_the_longest_wait_of_a_thread_is_no_silence() -> None:
     clock = SetClock()
     watch = ThreadWatch(clock.now_ns)
-    watch.sign("laser", longest_wait_s=60.0)
+    watch.heartbeat("laser", longest_wait_s=60.0)
     watch.begin()
     clock.ns += 80 * S
     assert watch.stuck() == ""
@@ -92,16 +93,16 @@ def test_the_longest_wait_of_a_thread_is_no_silence() -> None:
 def test_nothing_is_counted_before_the_threads_are_started() -> None:
     clock = SetClock()
     watch = ThreadWatch(clock.now_ns)
-    watch.sign("laser")
+    watch.heartbeat("laser")
     clock.ns += 3600 * S
     assert watch.stuck() == ""
 
 
-def test_an_excused_thread_may_be_silent_and_no_longer() -> None:
+def test_an_allowed_silence_is_not_counted_and_no_longer() -> None:
     clock, at_disk = SetClock(), True
     watch = ThreadWatch(clock.now_ns)
-    watch.sign("recorder")
-    watch.excuse("recorder", lambda: at_disk)
+    watch.heartbeat("recorder")
+    watch.allow_silence("recorder", lambda: at_disk)
     watch.begin()
     clock.ns += 3600 * S
     assert watch.stuck() == ""
@@ -118,7 +119,7 @@ def test_a_tick_feeds_the_watchdog_unless_a_thread_hangs_which_is_said_once(tmp_
         feed.completed_tick("")
         assert manager_end.recv(100) == b"WATCHDOG=1"
         for _ in range(3):
-            feed.completed_tick("the thread laser has not got round for 31 s")
+            feed.completed_tick("the thread laser has not responded for 31 s")
         manager.status("last")
         assert manager_end.recv(100) == b"STATUS=last"  # and no WATCHDOG=1 before it
         assert said.getvalue().count("the thread laser") == 1
@@ -176,17 +177,19 @@ def stalled(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], threading.Event]
 def test_a_disk_that_does_not_answer_is_a_state_and_no_reason_to_restart(
     tmp_path: Path, stalled: Callable[[str], threading.Event]
 ) -> None:
-    clock, sign = SetClock(), Sign()
-    recorder = Recorder(RunFolder.create(tmp_path / "run", tmp_path), "", {}, None, clock.now_ns, alive=sign)
-    assert sign.goes_on()
+    clock = SetClock()
+    watch = ThreadWatch(clock.now_ns)
+    header = RunHeader.of_live_run("", {})
+    recorder = Recorder(RunFolder.create(tmp_path / "run", tmp_path), header, threads=watch)
+    watch.begin()
     go_on = stalled("sync")
     clock.ns += 2 * S
-    assert until(lambda: recorder.is_excused)
+    assert until(lambda: recorder.may_be_silent)
     clock.ns += 40 * S
     assert "the disk has not answered for 4" in recorder.health().trouble
+    assert watch.stuck() == ""
     go_on.set()
-    assert sign.goes_on()
-    assert recorder.health().trouble == ""
+    assert until(lambda: recorder.health().trouble == "")
     recorder.close()
 
 
@@ -195,13 +198,15 @@ def test_a_recorder_that_hangs_in_our_own_code_is_not_excused(tmp_path: Path) ->
     watch = ThreadWatch(clock.now_ns)
     go_on, hangs = threading.Event(), threading.Event()
 
-    def hang(_record: Record) -> None:
-        hangs.set()
-        go_on.wait(60.0)
+    class Hanging:
+        def feed(self, record: Record) -> None:
+            hangs.set()
+            go_on.wait(60.0)
+
+        def segment_closed(self, number: int, stamp_ns: int) -> None: ...
 
     folder = RunFolder.create(tmp_path / "run", tmp_path)
-    recorder = Recorder(folder, "", {}, hang, clock.now_ns, alive=watch.sign("recorder"))
-    watch.excuse("recorder", lambda: recorder.is_excused)
+    recorder = Recorder(folder, RunHeader.of_live_run("", {}), observers=[Hanging()], threads=watch)
     watch.begin()
     recorder.can_frame(clock.ns, 0x181, 0, b"12345678")
     assert hangs.wait(30.0)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from drivers.measurements import Event, Scan, Severity, WheelCounts, uniform_bearings
 from runtime.messages.records import tick_records
 from runtime.messages.tick import Record
-from runtime.tick import Tick, Timing
+from runtime.tick import CompletedTick, Tick, Timing
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.observations import BeamVerdict, Features, MatchVerdict
 from slam.pose import Pose2
@@ -120,4 +120,4 @@ def drive(ticks: int, seed: int = 1, start_ns: int = 5_000_000_000) -> Iterator[
         wheels = tuple(WheelCounts(stamp_ns - 90_000_000 + k * 20_000_000, 10.0 * seq, 10.0 * seq) for k in range(5))
         timing = Timing(int(rng.exponential(80_000)), 0, {"read": 30_000, "step": int(rng.normal(11e6, 1e6))})
         tick = Tick(seq, stamp_ns, scan, wheels, events)
-        yield tick_records(tick, estimate, timing, bytes(16), truth)
+        yield tick_records(CompletedTick(tick, estimate, timing, bytes(16), truth))

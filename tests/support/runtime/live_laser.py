@@ -15,8 +15,8 @@ from typing import Any
 
 from drivers.measurements import Event, SensorHealth
 from runtime.live.clock import Clock, MonotonicClock
-from runtime.live.drive import drive
 from runtime.live.parts import Parts, live_parts
+from runtime.live.run import Host, run_live
 from runtime.record.folder import RunFolder
 from runtime.record.reader import RecordedTick, RunReader
 from runtime.service.systemd import ServiceManager
@@ -111,14 +111,14 @@ def live_run(path: Path) -> Iterator[LiveRun]:
         return found[0]
 
     stop, folder = threading.Event(), RunFolder.create(path, path.parent)
-    arguments = (configuration, folder, MonotonicClock(), stop, None, io.StringIO(), ServiceManager(""), wire)
-    thread = threading.Thread(target=drive, args=arguments)
+    host = Host(MonotonicClock(), stop, io.StringIO(), ServiceManager(""))
+    thread = threading.Thread(target=run_live, args=(configuration, folder, host, None, wire))
     thread.start()
     try:
         assert wired.wait(240.0), "the run was not wired"  # kernels may compile first
         run = LiveRun(rover, found[0], folder, thread)
         run.await_more("scans", 1, 60.0)
-        rover.drive(time.monotonic_ns())
+        rover.start_world(time.monotonic_ns())
         yield run
     finally:
         stop.set()

@@ -20,8 +20,18 @@ import numpy as np
 
 from runtime.publish.publisher import ZenohPublisher
 from runtime.source_tree import ROOT
+from runtime.tick import CompletedTick
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
-from tests.support.zenoh.wire import free_port, listening, publishing, put_ticks, settings_on, start_module, until
+from tests.support.zenoh.wire import (
+    free_port,
+    listening,
+    opened,
+    publishing,
+    put_ticks,
+    settings_on,
+    start_module,
+    until,
+)
 
 PUT_PERIOD_S = 0.01  # ten times the rover's rate: more puts to measure
 
@@ -62,7 +72,7 @@ class Putting:
         while not self._stop.wait(PUT_PERIOD_S):
             tick, estimate, timing = values[seq % len(values)]
             began_s = time.perf_counter()
-            self._publisher.put(tick, estimate, timing, bytes(16), None)
+            self._publisher.put(CompletedTick(tick, estimate, timing, bytes(16), None))
             self.put_s.append(time.perf_counter() - began_s)
             seq += 1
 
@@ -80,7 +90,7 @@ def close_seconds(publisher: ZenohPublisher) -> float:
 
 def nobody_listens(puts: int) -> Trial:
     with publishing(settings_on(free_port())) as publisher:
-        assert publisher.opened(10.0)
+        assert opened(publisher)
         trial = Trial(put_ticks(publisher, range(puts), PUT_PERIOD_S))
         trial.close_s = close_seconds(publisher)
     return trial
@@ -99,7 +109,7 @@ def many_come_and_go(visitors: int) -> Trial:
     """Sessions that connect, subscribe, hear something and leave, one after the other."""
     port = free_port()
     with publishing(settings_on(port)) as publisher:
-        assert publisher.opened(10.0)
+        assert opened(publisher)
         putting = Putting(publisher)
         arguments = [sys.executable, "-m", "tests.support.zenoh.visitors", f"tcp/127.0.0.1:{port}", str(visitors)]
         said = json.loads(subprocess.run(arguments, cwd=ROOT, stdout=subprocess.PIPE, check=True).stdout)

@@ -18,7 +18,7 @@ from runtime.record.mcap_file import RunWriter
 from runtime.report.facts import RunFacts
 from runtime.report.gather import gather
 from runtime.settings.configuration import Configuration
-from runtime.tick import Tick, Timing
+from runtime.tick import CompletedTick, Tick, Timing
 from slam.estimator import Estimator
 from slam.pose import Pose2
 from slam.settings.slam import MountSettings, SlamSettings
@@ -94,7 +94,7 @@ def seeded_facts(
         estimate = estimator.step(tick.stamp_ns, tick.scan, draft.wheels)
         truth = Pose2(*world.map_from_body(tick.stamp_ns - BOOT_NS))
         timing = Timing(60_000, draft.missed, {"read": 40_000, "step": 5_000_000})
-        records = tick_records(tick, estimate, timing, estimator.state_hash(), truth)
+        records = tick_records(CompletedTick(tick, estimate, timing, estimator.state_hash(), truth))
         if draft.lost:
             records = [encode_gap(Gap(tick.stamp_ns, draft.lost, 0, "the disk was full")), *records]
         if draft.kept:

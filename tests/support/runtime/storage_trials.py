@@ -18,9 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from runtime.record.folder import RunFolder
+from runtime.record.header import RunHeader
 from runtime.record.reader import RunReader
-from runtime.record.recorder import Recorder
+from runtime.record.writing.recorder import Recorder
 from runtime.settings.record import RecordSettings
+from runtime.tick import CompletedTick
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
 
 TICK_S = 0.02
@@ -32,7 +34,7 @@ class Drive:
     """Puts ticks at a steady rate and notes how long each put takes."""
 
     def __init__(self, path: Path, settings: RecordSettings) -> None:
-        self.recorder = Recorder(RunFolder.create(path, path), "seed = 1\n", {}, settings=settings)
+        self.recorder = Recorder(RunFolder.create(path, path), RunHeader.of_live_run("seed = 1\n", {}), settings)
         self.rng = np.random.default_rng(1)
         self.seq = 0
         self.puts_s: list[float] = []
@@ -41,7 +43,7 @@ class Drive:
         tick = make_tick(self.seq, self.rng, "scan", 200)
         estimate = make_estimate(tick.stamp_ns, self.rng, 200)
         began_s = time.perf_counter()
-        self.recorder.put(tick, estimate, make_timing(self.seq), bytes(16), None)
+        self.recorder.put(CompletedTick(tick, estimate, make_timing(self.seq), bytes(16), None))
         self.recorder.health()
         self.puts_s.append(time.perf_counter() - began_s)
         self.seq += 1
@@ -160,13 +162,14 @@ def kills(root: Path, times: int) -> dict[str, object]:
 
 def drive_until_killed(path: Path) -> None:
     rng = np.random.default_rng(1)
-    recorder = Recorder(RunFolder.create(path, path), "seed = 1\n", {}, settings=RecordSettings(segment_s=0.5))
+    header = RunHeader.of_live_run("seed = 1\n", {})
+    recorder = Recorder(RunFolder.create(path, path), header, RecordSettings(segment_s=0.5))
     base = make_tick(0, rng, "scan", 200)
     estimate = make_estimate(0, rng, 200)
     for seq in range(100_000):
         now_ns = time.monotonic_ns()
         tick = type(base)(seq, now_ns, base.scan, base.wheels, base.events)
-        recorder.put(tick, estimate, make_timing(seq), bytes(16), None)
+        recorder.put(CompletedTick(tick, estimate, make_timing(seq), bytes(16), None))
         time.sleep(0.01)
     os._exit(0)
 

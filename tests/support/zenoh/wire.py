@@ -15,6 +15,7 @@ import numpy as np
 from runtime.publish.publisher import ZenohPublisher
 from runtime.settings.publish import PublishSettings
 from runtime.source_tree import ROOT
+from runtime.tick import CompletedTick
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
 
 WALL_OFFSET_NS = 1_700_000_000_000_000_000
@@ -49,6 +50,12 @@ def publishing(settings: PublishSettings, rover: str = "r1", **options: Any) -> 
         publisher.close()
 
 
+def opened(publisher: ZenohPublisher, within_s: float = 10.0) -> tuple[str, ...]:
+    """Wait until the session is open and return where it listens; empty if it is not open by then."""
+    until(lambda: publisher.listening is not None, within_s)
+    return publisher.listening or ()
+
+
 def put_ticks(publisher: ZenohPublisher, seqs: range, period_s: float) -> list[float]:
     """Put ticks on a grid; returns how long each put took, in seconds."""
     rng, costs_s, start_s = np.random.default_rng(1), [], time.monotonic()
@@ -56,7 +63,7 @@ def put_ticks(publisher: ZenohPublisher, seqs: range, period_s: float) -> list[f
         tick, estimate, timing = make_tick(seq, rng), make_estimate(seq * 100_000_000, rng), make_timing(seq)
         time.sleep(max(0.0, start_s + beat * period_s - time.monotonic()))
         began_s = time.perf_counter()
-        publisher.put(tick, estimate, timing, bytes(16), None)
+        publisher.put(CompletedTick(tick, estimate, timing, bytes(16), None))
         costs_s.append(time.perf_counter() - began_s)
     return costs_s
 

@@ -4,9 +4,8 @@ import traceback
 from typing import Protocol
 
 from drivers.measurements import Event, ScanLike, Severity, WheelSample
-from runtime.tick import Sink, Tick, Timing
+from runtime.tick import CompletedTick, Sink, Tick
 from slam.estimate import Estimate
-from slam.pose import Pose2
 
 
 class Stepping(Protocol):
@@ -19,7 +18,7 @@ class Stepping(Protocol):
         """16 bytes over the state."""
 
 
-def contained_step(estimator: Stepping, tick: Tick) -> tuple[Estimate, tuple[Event, ...]]:
+def step_or_predict(estimator: Stepping, tick: Tick) -> tuple[Estimate, tuple[Event, ...]]:
     """The estimate of this tick, and what went wrong.
 
     A defect in the estimator ends the tick as a prediction without the scan; the scan stands in the record of
@@ -39,19 +38,12 @@ def contained_step(estimator: Stepping, tick: Tick) -> tuple[Estimate, tuple[Eve
         return estimator.step(tick.stamp_ns, None, ()), (defect,)
 
 
-def contained_put(
-    name: str,
-    sink: Sink,
-    tick: Tick,
-    estimate: Estimate,
-    timing: Timing,
-    state_hash: bytes,
-    truth: Pose2 | None,
-) -> tuple[Event, ...]:
+def put_or_report(name: str, sink: Sink, completed: CompletedTick) -> tuple[Event, ...]:
     """Hand one tick to a sink; a sink that raises loses this tick and says so in the record of the next one."""
     try:
-        sink.put(tick, estimate, timing, state_hash, truth)
+        sink.put(completed)
     except Exception as error:  # noqa: BLE001 - the rover needs its pose, whatever a sink thinks of it
+        tick = completed.tick
         reason = f"{type(error).__name__}: {error}; the sink {name} lost tick {tick.seq}"
         return (Event(tick.stamp_ns, name, "defect", reason, Severity.ERROR),)
     return ()

@@ -13,16 +13,18 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from drivers.measurements import WheelCounts
+from drivers.measurements import Event, WheelCounts
 from runtime.errors import RunExistsError, StorageError
-from runtime.messages.ros import decode_can_frame
-from runtime.messages.tick import LaserBytes, Record, decode_laser_bytes
+from runtime.messages.tick import LaserBytes, Record, decode, decode_laser_bytes
 from runtime.record.folder import RunFolder
+from runtime.record.header import RunHeader
 from runtime.record.mcap_file import RecordFile
 from runtime.record.reader import RunReader
-from runtime.record.recorder import QUEUE_ITEMS, Recorder
-from runtime.tick import Tick
+from runtime.record.writing.intake import QUEUE_ITEMS
+from runtime.record.writing.recorder import Recorder, RecordObserver
+from runtime.tick import CompletedTick, Tick
 from slam.pose import Pose2
+from tests.support.runtime.inverses import decode_can_frame
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing, same_bits
 
 CONFIGURATION = 'rover = "infant"\nseed = 1\n'
@@ -36,15 +38,34 @@ def wait_until(condition: Callable[[], bool], within_s: float = 5.0) -> None:
         time.sleep(0.005)
 
 
-def start(folder: Path, tee: Callable[[Record], None] | None = None) -> Recorder:
-    return Recorder(RunFolder.create(folder, folder), CONFIGURATION, VERSIONS, tee)
+class Observer:
+    """Keeps what it is shown."""
+
+    def __init__(self) -> None:
+        self.records: list[Record] = []
+        self.closed: list[int] = []
+
+    def feed(self, record: Record) -> None:
+        self.records.append(record)
+
+    def segment_closed(self, number: int, stamp_ns: int) -> None:
+        self.closed.append(number)
+
+
+def start(folder: Path, *observers: RecordObserver) -> Recorder:
+    header = RunHeader.of_live_run(CONFIGURATION, VERSIONS)
+    return Recorder(RunFolder.create(folder, folder), header, observers=observers)
 
 
 def put(recorder: Recorder, seqs: range) -> list[Tick]:
     rng = np.random.default_rng(1)
     ticks = [make_tick(seq, rng, "scan" if seq % 3 else "nothing") for seq in seqs]
     for tick in ticks:
-        recorder.put(tick, make_estimate(tick.stamp_ns, rng), make_timing(tick.seq), bytes(16), Pose2(1.0, 2.0, 0.1))
+        recorder.put(
+            CompletedTick(
+                tick, make_estimate(tick.stamp_ns, rng), make_timing(tick.seq), bytes(16), Pose2(1.0, 2.0, 0.1)
+            )
+        )
     return ticks
 
 
@@ -92,12 +113,25 @@ def test_another_reader_opens_a_finished_run_by_its_index(tmp_path: Path) -> Non
     assert {"/scan", "/tick", "/pose", "/odom", "/estimate", "/diagnostics"} <= topics
 
 
-def test_the_tee_sees_what_the_file_holds(tmp_path: Path) -> None:
-    teed: list[Record] = []
-    recorder = start(tmp_path / "run", teed.append)
+def test_an_observer_sees_what_the_file_holds(tmp_path: Path) -> None:
+    observer = Observer()
+    recorder = start(tmp_path / "run", observer)
     put(recorder, range(5))
     recorder.close()
-    assert teed == list(RunReader(tmp_path / "run").records())
+    assert observer.records == list(RunReader(tmp_path / "run").records())
+    assert observer.closed == []
+
+
+def test_events_after_the_last_tick_are_in_the_record(tmp_path: Path) -> None:
+    recorder = start(tmp_path / "run")
+    put(recorder, range(3))
+    recorder.put_events(7, (Event(7, "health", "stopping", "stopping"),))
+    recorder.put_events(8, ())
+    recorder.close()
+    last = list(RunReader(tmp_path / "run").records())[-1]
+    assert (last.topic, last.stamp_ns) == ("/diagnostics", 7)
+    assert decode(last.topic, last.data).status[0].hardware_id == "stopping"
+    assert len(list(RunReader(tmp_path / "run").ticks())) == 3
 
 
 def test_a_run_is_never_overwritten(tmp_path: Path) -> None:
@@ -147,7 +181,7 @@ def test_a_full_disk_is_a_state_and_recording_resumes_without_loss(tmp_path: Pat
 
 
 def test_what_does_not_fit_is_dropped_counted_and_recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("runtime.record.recorder.PENDING_BYTES", 20_000)
+    monkeypatch.setattr("runtime.record.writing.storage.PENDING_BYTES", 20_000)
     recorder = start(tmp_path / "run")
     with largest_file(3000):
         put(recorder, range(40))
@@ -174,7 +208,7 @@ def test_a_value_that_cannot_be_encoded_does_not_end_the_recording(tmp_path: Pat
     recorder = start(tmp_path / "run")
     wrong = Tick(0, 0, None, (WheelCounts("soon", 0.0, 0.0),))  # type: ignore[arg-type]
     rng = np.random.default_rng(1)
-    recorder.put(wrong, make_estimate(0, rng), make_timing(0), bytes(16), None)
+    recorder.put(CompletedTick(wrong, make_estimate(0, rng), make_timing(0), bytes(16), None))
     put(recorder, range(1, 4))
     recorder.close()
     assert "could not be encoded" in recorder.health().trouble
@@ -183,7 +217,7 @@ def test_a_value_that_cannot_be_encoded_does_not_end_the_recording(tmp_path: Pat
 
 
 def test_a_full_queue_drops_and_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("runtime.record.recorder.WAKE_S", 60.0)  # the writer sleeps until it is closed
+    monkeypatch.setattr("runtime.record.writing.recorder.WAKE_S", 60.0)  # the writer sleeps until it is closed
     recorder = start(tmp_path / "run")
     for stamp_ns in range(QUEUE_ITEMS + 10):
         recorder.can_frame(stamp_ns, 1, 0, b"")
@@ -201,7 +235,7 @@ def test_a_folder_that_cannot_be_written_is_said_at_the_start(tmp_path: Path) ->
 KILLED = """
 import sys, time
 from pathlib import Path
-from tests.runtime.record.test_recorder import put, start
+from tests.runtime.record.writing.test_recorder import put, start
 recorder = start(Path(sys.argv[1]))
 for seq in range(100_000):
     put(recorder, range(seq, seq + 1))
@@ -237,7 +271,7 @@ def test_putting_takes_less_than_fifty_microseconds(tmp_path: Path) -> None:
     costs_s = []
     for _ in range(2000):
         began_s = time.perf_counter()
-        recorder.put(tick, estimate, make_timing(1), bytes(16), None)
+        recorder.put(CompletedTick(tick, estimate, make_timing(1), bytes(16), None))
         costs_s.append(time.perf_counter() - began_s)
     recorder.close()
     assert np.percentile(costs_s, 99) < 50e-6

@@ -1,0 +1,118 @@
+"""A live run from start to summary."""
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TextIO
+
+from drivers.measurements import Event, SensorState
+from runtime.health import Health, HealthMonitor, RunState
+from runtime.live.clock import Clock
+from runtime.live.kernels import load_kernels
+from runtime.live.loop import Inputs, Loop, Outputs
+from runtime.live.parts import Parts, live_parts
+from runtime.live.stage_clock import StageClock
+from runtime.live.status_line import StatusLine, state_text, status_text
+from runtime.live.summary import ErrorTrack, summarise
+from runtime.record.folder import RunFolder
+from runtime.service.realtime import enter_real_time, freeze_garbage, leave_real_time
+from runtime.service.systemd import ServiceManager, WatchdogFeed
+from runtime.settings.configuration import Configuration
+from runtime.tick import CompletedTick
+from slam.estimator import Estimator
+
+SENSOR_POLL_S = 0.02
+LEAD_NS = 100_000_000  # from the last preparation to the first beat
+
+MakeParts = Callable[[Configuration, RunFolder, Clock], Parts]
+
+
+@dataclass(frozen=True, slots=True)
+class Host:
+    """What a run gets from whoever starts it: time, the wish to stop, a stream for people, the service manager."""
+
+    clock: Clock
+    stop: threading.Event
+    stream: TextIO
+    manager: ServiceManager
+
+
+def run_live(
+    configuration: Configuration,
+    folder: RunFolder,
+    host: Host,
+    duration_s: float | None = None,
+    make_parts: MakeParts = live_parts,
+) -> dict[str, Any]:
+    """Run until `host.stop` or the duration, write everything, and return the summary (also kept as summary.json)."""
+    parts = make_parts(configuration, folder, host.clock)
+    stages, errors = StageClock(host.clock), ErrorTrack()
+    watch = Watch(host, parts, configuration.loop.rate_hz)
+    try:
+        events = watch.enter(RunState.STARTING)
+        load_kernels(configuration.slam)
+        loop = Loop(
+            stages,
+            Estimator(configuration.slam, configuration.seed, stages.mark),
+            Inputs(parts.laser, parts.encoders, parts.drain_events, parts.truth),
+            Outputs({**parts.sinks, "errors": errors}, watch.monitor, watch),
+            round(1e9 / configuration.loop.rate_hz),
+        )
+        parts.start()
+        await_sensors(parts, configuration.loop.ready_s, host.stop)
+        watch.line.start()
+        freeze_garbage()
+        for refusal in enter_real_time(configuration.loop.priority):
+            host.stream.write(f"infant: {refusal}\n")
+        events += watch.enter(RunState.READY)
+        start_ns = host.clock.now_ns() + LEAD_NS
+        parts.start_world(start_ns)
+        host.manager.ready()
+        loop.run(start_ns, host.stop, None if duration_s is None else round(duration_s * 1e9), events)
+        summary = summarise(str(folder.path), loop.timekeeping, errors, parts.sensor_health())
+    finally:
+        host.manager.stopping()
+        parts.recorder.put_events(host.clock.now_ns(), watch.enter(RunState.STOPPING))
+        leave_real_time()
+        watch.line.close()
+        parts.close()
+        host.manager.close()
+    folder.write_summary(summary)
+    return summary
+
+
+class Watch:
+    """Tells everyone how the run is: the service manager, a person at the terminal, and tools over zenoh."""
+
+    def __init__(self, host: Host, parts: Parts, rate_hz: float) -> None:
+        self.monitor = HealthMonitor()
+        self.line = StatusLine(host.stream)
+        self._host = host
+        self._parts = parts
+        self._rate_hz = rate_hz
+        self._feed = WatchdogFeed(host.manager, host.stream)
+
+    def enter(self, state: RunState) -> tuple[Event, ...]:
+        """A state before the first tick or after the last one; returns its event, for the record."""
+        parts = self._parts
+        sinks = {name: sink.health() for name, sink in parts.sinks.items()}
+        health, events = self.monitor.enter(self._host.clock.now_ns(), state, parts.sensor_health(), sinks)
+        parts.publisher.announce(health)
+        self._host.manager.status(state_text(health))
+        return events
+
+    def __call__(self, completed: CompletedTick, health: Health) -> None:
+        """After each tick; the watchdog is fed only here."""
+        self._feed.completed_tick(self._parts.threads.stuck())
+        if completed.tick.seq % max(1, round(self._rate_hz)) == 0:
+            self._host.manager.status(status_text(completed, health, self._rate_hz))
+        self._parts.publisher.note_health(health)
+        self.line.note(completed, health)
+
+
+def await_sensors(parts: Parts, ready_s: float, stop: threading.Event) -> None:
+    """Wait until both sensors deliver, at most ready_s: a silent one is a state, not a reason not to start."""
+    for _ in range(round(ready_s / SENSOR_POLL_S)):
+        states = {health.state for health in parts.sensor_health().values()}
+        if states == {SensorState.FRESH} or stop.wait(SENSOR_POLL_S):
+            return

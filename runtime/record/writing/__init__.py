@@ -1,0 +1,1 @@
+"""How is a run written while it drives? Begin at recorder.py."""
