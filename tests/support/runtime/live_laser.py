@@ -115,9 +115,9 @@ def live_run(path: Path) -> Iterator[LiveRun]:
     thread = threading.Thread(target=run_live, args=(configuration, folder, host, None, wire))
     thread.start()
     try:
-        assert wired.wait(240.0), "the run was not wired"  # kernels may compile first
+        assert wired.wait(240.0), "the run was not wired"
         run = LiveRun(rover, found[0], folder, thread)
-        run.await_more("scans", 1, 60.0)
+        run.await_more("scans", 1, 240.0)  # kernels may compile first
         rover.start_world(time.monotonic_ns())
         yield run
     finally:
