@@ -1,5 +1,6 @@
 # make run   sets up and drives the simulated rover for a minute
 # make test  sets up and passes the tests (lint, types, tests)
+# make fuzz  looks for inputs that no property test has drawn yet, 20 times as many, and prints those that fail
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -7,7 +8,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 export OPENBLAS_NUM_THREADS := 1
 export RERUN_ANALYTICS := off
 
-.PHONY: run test check lint types bench soak browser system docs lock clean help
+.PHONY: run test check lint types fuzz bench soak browser system docs lock clean help
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -24,6 +25,9 @@ lint: $(VENV)/.installed-dev
 
 types: $(VENV)/.installed-dev
 	$(BIN)/mypy
+
+fuzz: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=fuzz --timeout=0 $(ARGS)
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m bench $(ARGS)

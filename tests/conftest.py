@@ -5,8 +5,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from runtime.source_tree import SHARED_DATA
+from tests.support.examples import USUAL
+
+# A property test draws the same inputs each time; neither a slow machine nor a kernel that compiles on its first call
+# fails it. `make fuzz` looks for new counterexamples; hypothesis keeps those in .hypothesis and tries them first.
+UNHURRIED = settings(deadline=None, print_blob=True, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("default", UNHURRIED, max_examples=USUAL, derandomize=True, database=None)
+settings.register_profile("fuzz", UNHURRIED, max_examples=20 * USUAL, derandomize=False)
+settings.load_profile("default")
 
 RECORDED = Path(os.environ.get("INFANT_DATA", SHARED_DATA))
 

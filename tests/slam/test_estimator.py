@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.measurements import FloatArray, Scan, Sightings, SpeedYawRate, WheelSample, uniform_bearings
@@ -15,6 +15,7 @@ from slam.odometry.odometry import Increment
 from slam.pose import Pose2
 from slam.settings.slam import SlamSettings
 from slam.visibility import sight_line
+from tests.support.examples import examples
 from tests.support.slam.scenes import POSTS_M, arc_pose, increment_of, seen_from, settings_of
 
 MS = 1_000_000
@@ -163,7 +164,7 @@ TICKS = st.lists(
 )
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(TICKS)
 def test_no_input_makes_an_estimate_that_is_not_a_number(ticks: list[tuple[int, list[Any], list[Any] | None]]) -> None:
     estimator = Estimator(settings_of(particles=5), 1)

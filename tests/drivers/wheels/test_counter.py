@@ -1,9 +1,10 @@
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.settings.encoders import EncoderSettings
 from drivers.wheels.counter import WheelCounter
 from drivers.wheels.readings import Wheel, WheelReading
+from tests.support.examples import examples
 
 SETTINGS = EncoderSettings()
 PERIOD_NS = SETTINGS.period_ns
@@ -50,7 +51,7 @@ def wire(
     return [(round((place + 1) * PERIOD_NS), *rest) for place, *rest in slots]  # type: ignore[misc]
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(
     course=beats,
     start=st.sampled_from([0, 100, 2**32 - 300, 2**32 - 1, 2**31]),
@@ -69,7 +70,7 @@ def test_any_loss_duplication_reordering_and_wrap_leaves_the_total_true(
     assert counter.epoch == 0
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(course=beats, start=st.sampled_from([5_000_000, 2**32 - 300]))
 def test_any_sequence_with_resets_misses_only_motion_over_a_reset(course: list[tuple[int, str]], start: int) -> None:
     # a boot is known after a few frames; power does not come and go ten times a second
@@ -93,7 +94,7 @@ def test_any_sequence_with_resets_misses_only_motion_over_a_reset(course: list[t
     assert least <= counter.total <= most
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(course=beats, modulus=st.sampled_from([9000, 65536, 2**24]), start=st.integers(0, 2**24))
 def test_counters_without_alive_number_or_of_odd_width_unwrap_too(
     course: list[tuple[int, str]], modulus: int, start: int

@@ -1,5 +1,6 @@
 """The reader on real python-can buses: virtual, udp_multicast between processes, slcan over a pseudo-terminal."""
 
+import itertools
 import json
 import os
 import pty
@@ -7,7 +8,6 @@ import subprocess
 import sys
 import time
 import tty
-import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -34,8 +34,11 @@ COUNTS_PER_METRE = EncoderSettings().counts_per_metre
 LEFT_MPS, RIGHT_MPS = 1.0, 1.2
 
 
+BUSES = itertools.count()  # no two tests share a bus
+
+
 def virtual_bus() -> BusSettings:
-    return BusSettings(interface="virtual", channel=uuid.uuid4().hex)
+    return BusSettings(interface="virtual", channel=f"encoders {next(BUSES)}")
 
 
 def straight(stamp_ns: int) -> tuple[float, float]:
@@ -242,11 +245,11 @@ def test_an_interface_that_is_not_there_is_tried_again_and_named_with_its_remedy
     assert len(events) == 1, "the log is not flooded by attempts"
 
 
-def test_a_bus_that_comes_later_is_found() -> None:
+def test_a_bus_that_comes_later_is_found(tmp_path: Path) -> None:
     leader, follower = pty.openpty()
     tty.setraw(leader)
     path = os.ttyname(follower)
-    link = Path(f"/tmp/{uuid.uuid4().hex}")
+    link = tmp_path / "adapter"
     bus = BusSettings(
         interface="slcan",
         channel=str(link),

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.measurements import (
@@ -156,7 +156,6 @@ def test_an_import_never_overwrites(tmp_path: Path) -> None:
     st.lists(st.integers(1, 400), min_size=1, max_size=80),
     st.sampled_from((50, 100)),
 )
-@settings(deadline=None)
 def test_ticks_hold_all_in_order_and_leave_no_avoidable_hole(
     scan_steps_ms: list[int], wheel_steps_ms: list[int], spacing_ms: int
 ) -> None:

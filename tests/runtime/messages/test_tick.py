@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from mcap_ros2._dynamic import generate_dynamic
@@ -103,7 +103,6 @@ ticks = st.builds(
 
 
 @given(ticks)
-@settings(deadline=None)
 def test_a_tick_comes_back_to_the_last_bit(tick: Tick) -> None:
     assert same_bits(tick, tick_again(tick))
 
@@ -128,7 +127,6 @@ def test_millimetres_survive() -> None:
 
 
 @given(st.floats(1.5, 6.3), st.integers(20, 3000))
-@settings(deadline=None)
 def test_equally_spaced_bearings_need_two_numbers(view_rad: float, beams: int) -> None:
     assert exact_increment_rad(uniform_bearings(-view_rad / 2, view_rad / beams, beams)) is not None
 

@@ -3,7 +3,6 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import settings as effort
 from hypothesis import strategies as st
 
 from drivers.measurements import FloatArray, Scan, uniform_bearings
@@ -13,6 +12,7 @@ from slam.front_end.deskew import Twist, deskew
 from slam.front_end.trunks import runs_of_beams
 from slam.pose import Pose2
 from slam.settings.front_end import FrontEndSettings
+from tests.support.examples import examples
 
 SPACING = math.radians(0.25)
 BEARINGS = uniform_bearings(-math.radians(120.0), SPACING, 961)
@@ -40,7 +40,7 @@ def found(ranges: FloatArray, settings: FrontEndSettings = SETTINGS) -> tuple[Fl
     return np.stack((rows[:, 0] * np.cos(rows[:, 1]), rows[:, 0] * np.sin(rows[:, 1])), axis=-1), rows
 
 
-@effort(max_examples=60, deadline=None)
+@examples(60)
 @given(st.integers(0, 2**31), st.floats(2.0, 6.0), st.floats(-1.2, 1.2), st.floats(-0.4, 0.4))
 def test_the_corner_of_two_noisy_walls_is_found_within_its_own_covariance(
     seed: int, distance: float, bearing: float, turn: float

@@ -2,13 +2,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.measurements import Scan, uniform_bearings
 from slam.front_end.deskew import Twist, deskew, with_motion_noise
 from slam.observations import Features
 from slam.pose import Pose2
+from tests.support.examples import examples
 
 BEARINGS = uniform_bearings(-2.0, 0.1, 41)
 
@@ -25,7 +26,7 @@ def arc(twist: Twist, seconds: float) -> Pose2:
     return pose
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(st.floats(-2.0, 2.0), st.floats(-0.5, 0.5), st.floats(-2.0, 2.0), st.integers(0, 40), st.floats(-3.0, 3.0))
 def test_points_are_where_the_laser_really_was_when_each_beam_was_measured(
     speed: float, lateral: float, yaw_rate: float, stamp_beam: int, mount_heading: float

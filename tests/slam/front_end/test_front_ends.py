@@ -7,7 +7,7 @@ from time import process_time
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -20,6 +20,7 @@ from slam.front_end.front_ends import FrontEnd, make_front_end
 from slam.observations import BeamVerdict, Features
 from slam.pose import Pose2
 from slam.settings.front_end import FrontEndSettings
+from tests.support.examples import examples
 from tests.support.slam.park_drive import Look, drive, errors_of_landmarks, found_again, scan_of
 
 SEEDS = (1, 5)
@@ -220,7 +221,7 @@ ODD_SCANS = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(60)
 @given(ODD_SCANS, st.sampled_from(["robust", "paper"]), st.booleans())
 def test_no_scan_whatsoever_breaks_a_front_end(scans: list[tuple[list[float], int]], kind: str, at_rest: bool) -> None:
     """Empty scans, NaN, infinite, all alike, other numbers of beams, time that stands still or runs backwards."""

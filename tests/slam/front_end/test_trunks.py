@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -11,6 +11,7 @@ from slam.front_end.deskew import Beams, Twist, deskew
 from slam.front_end.trunks import runs_of_beams, trunk_variances, trunks
 from slam.pose import Pose2
 from slam.settings.front_end import FrontEndSettings
+from tests.support.examples import examples
 
 SPACING = math.radians(0.25)
 BEARINGS = uniform_bearings(-math.pi / 2, SPACING, 721)
@@ -33,7 +34,7 @@ def found(ranges: NDArray[np.float64], settings: FrontEndSettings = SETTINGS) ->
     return trunks(beams, runs_of_beams(beams), settings)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(st.floats(1.0, 25.0), st.floats(-1.1, 1.1), st.floats(0.03, 0.35))
 def test_the_centre_of_a_round_trunk_is_within_four_sigma_of_what_is_claimed(
     distance: float, bearing: float, radius: float

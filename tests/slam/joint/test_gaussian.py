@@ -3,7 +3,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -13,6 +13,7 @@ from slam.observations import Features, MatchVerdict
 from slam.pose import Pose2
 from slam.settings.joint import JointSettings
 from slam.settings.slam import SlamSettings, ViewSettings
+from tests.support.examples import examples
 
 STILL = (np.zeros(3), np.zeros((3, 3)))
 STEP_NOISE = np.diag((0.02**2, 0.005**2, 0.01**2))
@@ -230,7 +231,7 @@ scans = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(scans=scans)
 def test_the_covariance_stays_symmetric_and_positive_whatever_is_seen(
     scans: list[tuple[float, float, float, list[tuple[float, float]]]],

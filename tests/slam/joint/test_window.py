@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.measurements import FloatArray
@@ -11,6 +11,7 @@ from slam.joint.measurement import FIRST_PLACE
 from slam.joint.state import MOST_RETURNING, JointState
 from slam.joint.window import least_needed, regress, restore
 from slam.settings.joint import JointSettings
+from tests.support.examples import examples
 
 FEATURE = np.array((5.0, 0.3, 0.01, 0.0, 0.0003, 1.0))
 
@@ -23,7 +24,7 @@ def spread_out(seed: int, landmarks: int) -> tuple[FloatArray, FloatArray]:
     return generator.normal(size=n) * 20.0, root @ root.T / n + 0.01 * np.eye(n)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(seed=st.integers(0, 10**6), others=st.integers(1, 4))
 def test_a_landmark_that_leaves_and_returns_keeps_its_covariance_with_itself_and_its_parents(
     seed: int, others: int

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
@@ -24,6 +24,7 @@ from slam.pose import wrap_rad
 from slam.settings.sigma_points import ALPHA, BETA, unscented_weights
 from slam.unscented import square_root, unscented_transform
 from slam.visibility import sensor_pose
+from tests.support.examples import examples
 
 WEIGHTS_5, WEIGHTS_2 = unscented_weights(5), unscented_weights(2)
 SPREAD = BETA - ALPHA**2
@@ -184,7 +185,7 @@ def test_every_landmark_gets_fresh_sigma_points() -> None:
     np.testing.assert_allclose(covariance, expected_covariance, atol=1e-9)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(SEEDS, st.integers(1, 40))
 def test_covariances_stay_positive_however_many_landmarks_are_folded_in(seed: int, landmarks: int) -> None:
     generator = np.random.default_rng(seed)

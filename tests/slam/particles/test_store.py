@@ -1,7 +1,7 @@
 """Maps in shared pages: no particle ever sees another's writes."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from slam.particles.pages import (
@@ -17,6 +17,7 @@ from slam.particles.pages import (
 )
 from slam.particles.resampling import adopt_maps
 from slam.particles.store import LandmarkStore
+from tests.support.examples import examples
 
 PARTICLES = 4
 Book = dict[int, tuple[float, ...]]
@@ -54,7 +55,7 @@ OPERATIONS = st.lists(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(OPERATIONS)
 def test_a_particle_never_sees_anothers_writes(operations: list[tuple[str, int, float, float]]) -> None:
     store = LandmarkStore(PARTICLES, pages=2, slots=1)

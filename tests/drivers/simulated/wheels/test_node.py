@@ -1,6 +1,5 @@
 import math
 import time
-import uuid
 
 import numpy as np
 import pytest
@@ -119,7 +118,7 @@ def test_the_same_seed_sends_the_same_bytes() -> None:
 
 
 def test_a_node_on_a_bus_keeps_its_period_and_tells_what_it_is_every_second() -> None:
-    bus = BusSettings(interface="virtual", channel=uuid.uuid4().hex)
+    bus = BusSettings(interface="virtual", channel="wheel node")
     settings = SimulatedWheelSettings(info_period_s=0.2)
     listener = CanBus(bus, (), time.monotonic_ns)
     node = WheelNode(settings, bus, lambda t: (t * 1e-9, t * 1e-9), time.monotonic_ns, np.random.default_rng(1))

@@ -2,13 +2,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from drivers.settings.simulated_world import DriveSettings, LaserGeometrySettings, WorldSettings
 from drivers.simulated.world.ray_casting import circle_hits, pairs_in_view
 from drivers.simulated.world.world import Surface, World
+from tests.support.examples import examples
 
 EXACT = LaserGeometrySettings(sigma_range_m=0.0, drop_out_share=0.0, mixed_share=0.0)
 WORLD = World(WorldSettings())
@@ -40,7 +41,7 @@ def test_the_rover_rests_at_the_origin_for_two_seconds_and_then_reaches_its_spee
     assert sum(two) / 2 - sum(one) / 2 == pytest.approx(0.5)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.floats(0.0, 3600.0))
 def test_driving_the_wheel_travel_from_one_true_pose_arrives_at_the_next(time_s: float) -> None:
     """Midpoint rule over 10 ms: an error of the third order in a turn of some milliradians."""
@@ -157,7 +158,7 @@ def test_a_course_whose_corners_fall_together_is_refused_with_the_key() -> None:
         DriveSettings(speed_mps=5.0)
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(st.integers(0, 2**31), st.floats(-6.0, 6.0))
 def test_no_ray_that_meets_a_circle_is_left_out_wherever_the_circles_and_the_blind_sector_are(
     seed: int, heading: float
