@@ -242,7 +242,7 @@ def test_the_keys_of_the_reference_are_those_that_a_rover_says_with_these_encodi
             said.update({message["key"]: message["encoding"] for message in listener.messages})
             return len(said) >= len(PUBLISHED) - 1
 
-        assert until(complete, 60.0), said
+        assert until(complete), said
     wanted = {f"infant/r1/{key.name}": key.encoding for key in PUBLISHED if key.name != "health"}  # no monitor here
     assert {key: said[key] for key in said if not key.endswith("/health")} == wanted
     assert {key.name for key in ASKED} == {"pose", "status", "map", "configuration"}

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from pathlib import Path
 
 from runtime.messages.pipe import CARRIED, SEGMENT, TOPICS, write_frame
@@ -21,7 +22,8 @@ from runtime.tick import CompletedTick, SinkHealth
 from slam.pose import Pose2
 
 WRITE_S = 2.0
-DRAW_S = 10.0
+DRAW_S = 60.0  # for a child that gets on; beside busy processes it has a twentieth of a core and takes so long
+STALLED_S = 5.0  # without any work done a child is dead or stopped, and not slow
 RENEW_S = 20.0
 RENEW_MB = 400.0  # the library holds on to 3.7 MB for each minute that it draws; a new child begins with 230
 
@@ -78,13 +80,13 @@ class ReviewProcess:
         return self._child.pid
 
     def close(self) -> None:
-        """Let the child finish its file; at most 12 s, after which it is ended and the file lacks its last second."""
+        """Let the child finish its file while it gets on, at most a minute; else it is ended, the file not whole."""
         self._queue.put(None)
         self._thread.join(WRITE_S + (RENEW_S if self._renewing else 0.0))
-        try:
-            if self._child.wait(DRAW_S) and not self._trouble:
+        if self._has_ended():
+            if self._child.returncode and not self._trouble:
                 self._trouble = f"review.rrd is not whole ({self._last_words()}); infant review makes it again"
-        except subprocess.TimeoutExpired:
+        else:
             self._trouble = "review.rrd was not finished in time; infant review makes it again"
             self._child.kill()
             self._child.wait()
@@ -92,6 +94,18 @@ class ReviewProcess:
         self._errors.close()
         if self._child.stdout is not None:
             self._child.stdout.close()
+
+    def _has_ended(self) -> bool:
+        """Wait for the child as long as it works: its processor time grows. False where it stalls or takes too long."""
+        latest_s = time.monotonic() + DRAW_S
+        while time.monotonic() < latest_s:
+            worked = processor_ticks(self._child.pid)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._child.wait(STALLED_S)
+                return True
+            if processor_ticks(self._child.pid) == worked:
+                return False
+        return False
 
     def _begin(self) -> "subprocess.Popen[bytes]":
         return subprocess.Popen(
@@ -149,3 +163,12 @@ class ReviewProcess:
         self._errors.seek(max(0, os.fstat(self._errors.fileno()).st_size - 2000))
         lines = self._errors.read().decode(errors="replace").strip().splitlines()
         return lines[-1] if lines else f"exit code {code}"
+
+
+def processor_ticks(pid: int) -> int:
+    """Processor time of a process and its threads, in clock ticks; 0 when it has ended."""
+    try:
+        after_name = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0
+    return int(after_name[11]) + int(after_name[12])  # utime and stime: fields 14 and 15 of the line

@@ -4,7 +4,7 @@ import os
 import socket
 from typing import TextIO
 
-STOP_US = 20_000_000  # TimeoutStopSec of the unit: sensors, record and review each have some seconds to end well
+STOP_US = 80_000_000  # TimeoutStopSec of the unit: a minute for the review, some seconds for sensors and record
 
 
 class ServiceManager:

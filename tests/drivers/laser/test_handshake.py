@@ -43,7 +43,7 @@ def test_an_unknown_model_works_from_what_it_says_and_is_named_once(monkeypatch:
     with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url)) as driver:
         scan = next_scan(driver)
         device.inject({"kind": "cut", "duration_s": 0.05})
-        wait_for(lambda: driver.health().counters["connections"] == 2, 3.0)
+        wait_for(lambda: driver.health().counters["connections"] == 2)
         events = [event for event in driver.drain_events() if event.kind == "unknown_model"]
     assert scan.ranges_m.shape == (101,)
     assert scan.bearings_rad[-1] == pytest.approx(2 * 3.141592653589793 / 8)
@@ -62,7 +62,7 @@ def test_a_laser_that_is_not_well_is_named_and_tried_again(
     monkeypatch.setitem(PROFILES, "UTM-30LX", dataclasses.replace(PROFILES["UTM-30LX"], **told))
     settings = {"reboot_on_fault": False, "retry_max_s": 0.1}
     with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url, **settings)) as driver:
-        wait_for(lambda: driver.health().counters.get("reconnects", 0) >= 2, 3.0)
+        wait_for(lambda: driver.health().counters.get("reconnects", 0) >= 2)
         health = driver.health()
     assert sentence in health.reason
     assert health.state is (SensorState.FAILED if field == "healthy" else SensorState.STARTING)
@@ -74,7 +74,7 @@ def test_a_baud_rate_that_the_laser_refuses_is_named_and_done_without(
     monkeypatch.setitem(PROFILES, "URG-04LX", dataclasses.replace(PROFILES["URG-04LX"], bauds=(19200,)))
     laser = SimulatedLaserSettings(model="URG-04LX", pty=str(tmp_path / "laser"))
     with simulated_laser(laser) as (device, _), driven(LaserSettings(url=f"{device.pty_url}?baud=57600")) as driver:
-        next_scan(driver, 8.0)
+        next_scan(driver)
         (event,) = [event for event in driver.drain_events() if event.kind == "baud_refused"]
     assert "refuses 57600 baud (status 02) and runs at 19200" in event.reason
 

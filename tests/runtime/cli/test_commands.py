@@ -16,7 +16,7 @@ MOCK = ROOT / "config" / "mock.toml"
 QUIET = ("--set", "review.live=false", "--set", "publish.listen=['tcp/127.0.0.1:0']")
 
 
-def infant(*words: str | Path, timeout: float = 120) -> subprocess.CompletedProcess[str]:
+def infant(*words: str | Path, timeout: float = 280) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "runtime.cli", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout, cwd=ROOT, check=False)
 
@@ -39,7 +39,7 @@ def start_run(out: Path, *words: str) -> subprocess.Popen[str]:
 
 def await_size(path: Path, size: int, process: subprocess.Popen[str]) -> None:
     """Wait on a condition with a deadline."""
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 240
     while not path.exists() or path.stat().st_size < size:
         assert time.monotonic() < deadline, f"{path} did not reach {size} bytes"
         assert process.poll() is None, process.communicate()
@@ -114,7 +114,7 @@ def test_ctrl_c_ends_a_run_cleanly_and_keeps_everything(tmp_path: Path) -> None:
     process = start_run(tmp_path / "run", "--json")
     await_size(tmp_path / "run" / "run.mcap", 100_000, process)
     process.send_signal(signal.SIGINT)
-    stdout, stderr = process.communicate(timeout=30)
+    stdout, stderr = process.communicate(timeout=240)
     assert process.returncode == 0, stderr
     summary = json.loads(stdout)
     verified = json.loads(infant("replay", tmp_path / "run", "--verify", "--json").stdout)
@@ -128,14 +128,14 @@ def test_a_killed_run_replays_to_its_last_whole_tick_and_leaves_no_process(tmp_p
     children = [int(word) for word in Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()]
     assert children
     process.kill()
-    process.communicate(timeout=30)
+    process.communicate(timeout=240)
     result = infant("replay", tmp_path / "run", "--verify", "--json")
     verified = json.loads(result.stdout)
     assert result.returncode == 0, result.stderr
     assert verified["identical"] is True
     assert verified["compared"] >= 5
     assert "is not whole" in verified["truncated"]
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 120
     while any(Path(f"/proc/{child}").exists() for child in children):
         assert time.monotonic() < deadline, "the simulated rover outlived its parent"
         time.sleep(0.05)
@@ -179,5 +179,5 @@ def test_the_simulated_laser_alone_prints_where_it_is_and_ends_on_sigterm() -> N
     assert process.stdout is not None
     assert process.stdout.readline().startswith("laser  tcp://127.0.0.1:")
     process.terminate()
-    assert process.wait(10) == 0
+    assert process.wait(240) == 0
     process.stdout.close()

@@ -1,18 +1,18 @@
 """The drawing process gets every record, and its death or deafness costs only the picture."""
 
 import io
+import itertools
 import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.live.drawing_process import ReviewProcess
+from runtime.live.drawing_process import ReviewProcess, processor_ticks
 from runtime.messages.pipe import read_frames, write_frame
 from runtime.messages.tick import Record
 from runtime.settings.review import ReviewSettings
@@ -46,7 +46,7 @@ def test_a_run_is_drawn_in_another_process_as_it_would_be_here(tmp_path: Path) -
     for record in records:
         process.feed(record)
         writer.feed(record)
-    assert until(lambda: (tmp_path / "there" / "review.rrd").exists(), 60.0), "a busy machine takes its time"
+    assert until(lambda: (tmp_path / "there" / "review.rrd").exists()), "a busy machine takes its time"
     process.close()
     writer.close()
     here, there = ((tmp_path / where / "review.rrd").stat().st_size for where in ("here", "there"))
@@ -82,17 +82,44 @@ def test_a_dead_child_is_a_state_with_its_reason(tmp_path: Path) -> None:
 
 def test_a_deaf_child_costs_records_and_neither_feed_nor_close(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("runtime.live.drawing_process.WRITE_S", 0.2)
-    monkeypatch.setattr("runtime.live.drawing_process.DRAW_S", 0.2)
+    monkeypatch.setattr("runtime.live.drawing_process.STALLED_S", 0.2)
     process = ReviewProcess(tmp_path / "review.rrd", ReviewSettings(queue=100))
     os.kill(process.pid, signal.SIGSTOP)
-    began_s = time.monotonic()
     for _ in range(400):
         process.feed(Record("/scan", 0, bytes(4000)))
-    assert time.monotonic() - began_s < 0.5
-    assert process.health().dropped > 200
+    assert process.health().dropped > 200, "nobody waited for it"
     process.close()
-    assert time.monotonic() - began_s < 3.0
     assert "not finished" in process.health().trouble
+
+
+@pytest.mark.parametrize(("most_s", "trouble"), [(240.0, ""), (0.2, "review.rrd was not finished in time")])
+def test_a_slow_child_is_waited_for_while_it_works_and_within_bounds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_s: float, trouble: str
+) -> None:
+    """It takes a second to begin: many times what one gets that does nothing."""
+    monkeypatch.setattr("runtime.review_process.DRAW_S", most_s)
+    monkeypatch.setattr("runtime.review_process.STALLED_S", 0.1)
+    ticks = itertools.count()  # as of a machine where it always gets a little done
+    monkeypatch.setattr("runtime.review_process.processor_ticks", lambda pid: next(ticks))
+    process = ReviewProcess(tmp_path / "review.rrd", ReviewSettings())
+    for tick in drive(10):
+        for record in tick:
+            process.feed(record)
+    process.close()
+    assert process.health().trouble.startswith(trouble)
+    assert bool(process.health().trouble) == bool(trouble)
+
+
+def test_work_of_a_process_is_counted_and_stands_still_while_it_is_stopped() -> None:
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as busy:
+        begun = processor_ticks(busy.pid)
+        assert until(lambda: processor_ticks(busy.pid) > begun)
+        os.kill(busy.pid, signal.SIGSTOP)
+        assert until(lambda: Path(f"/proc/{busy.pid}/stat").read_text().rpartition(")")[2].split()[0] == "T")
+        stopped = processor_ticks(busy.pid)
+        assert not until(lambda: processor_ticks(busy.pid) > stopped, 0.2)
+        busy.kill()
+    assert processor_ticks(busy.pid) == 0
 
 
 def test_the_loops_process_never_imports_rerun() -> None:

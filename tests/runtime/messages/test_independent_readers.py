@@ -191,7 +191,7 @@ def test_a_ros2_node_of_that_kit_hears_pose_odometry_and_tf_through_its_router()
                 put_ticks(publisher, range(1), 0.0)
                 return all(node.poll() is not None for node in nodes.values())
 
-            assert until(all_have_ended, 30.0)
+            assert until(all_have_ended)
         heard = {topic: json.loads(node.communicate()[0]) for topic, node in nodes.items()}
     finally:
         router.kill()

@@ -141,7 +141,7 @@ def test_each_command_over_the_wire_is_obeyed_and_stands_in_the_record(fleet: Fl
     driving = threading.Thread(target=loop.run, args=(clock.now_ns(), stop, 60_000_000_000))
     driving.start()
     try:
-        assert until(lambda: command(fleet, "operator", Command.MARK, "people on the path"), 20.0)
+        assert until(lambda: command(fleet, "operator", Command.MARK, "people on the path"))
         assert until(lambda: any(line["kind"] == "mark" for line in Manifest.load(folder.manifest_path).lines))
         assert command(fleet, "operator", Command.SAVE)
         assert until(lambda: folder.closed_path(1).exists())

@@ -1,7 +1,6 @@
 """Room is made by the oldest segments that nobody marked; imports, marked ones and what is written stay."""
 
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -90,9 +89,7 @@ def test_a_mark_reaches_the_running_recorder_and_the_log(tmp_path: Path) -> None
     recorder = start(tmp_path / "runs" / "run")
     put(recorder, range(3))
     folder = running_run(tmp_path / "runs")
-    began_s = time.monotonic()
-    assert leave_mark(folder, "a branch on the laser")
-    assert time.monotonic() - began_s < 3.0
+    assert leave_mark(folder, "a branch on the laser", within_s=120.0)
     recorder.close()
     assert [mark["reason"] for mark in Manifest.load(folder.manifest_path).marks] == ["a branch on the laser"]
     diagnostics = [record for record in RunReader(folder.path).records() if record.topic == "/diagnostics"]

@@ -83,7 +83,7 @@ def test_the_viewer_in_the_browser_listens_on_the_loopback_only(run: RunFolder) 
     environment = {**viewer_environment(), "BROWSER": "true"}  # a browser that does nothing
     viewer = subprocess.Popen(viewer_command(review_paths(run), web=True), env=environment)
     try:
-        assert until(lambda: len(listening_addresses(viewer.pid)) >= 2, 30.0)
+        assert until(lambda: len(listening_addresses(viewer.pid)) >= 2)
         assert set(listening_addresses(viewer.pid)) == {"0100007F"}
     finally:
         viewer.kill()

@@ -52,7 +52,7 @@ def driven(settings: LaserSettings, tap: RawTap | None = None) -> Iterator[Hokuy
         driver.close()
 
 
-def wait_for(condition: Callable[[], bool], within_s: float) -> float:
+def wait_for(condition: Callable[[], bool], within_s: float = 120.0) -> float:
     """Seconds until the condition held; fails the test, naming its place, if it does not in time."""
     began = time.monotonic()
     while not condition():
@@ -62,7 +62,7 @@ def wait_for(condition: Callable[[], bool], within_s: float) -> float:
     return time.monotonic() - began
 
 
-def next_scan(driver: Hokuyo, within_s: float = 3.0) -> Scan:
+def next_scan(driver: Hokuyo) -> Scan:
     found: list[Scan] = []
 
     def arrived() -> bool:
@@ -71,5 +71,5 @@ def next_scan(driver: Hokuyo, within_s: float = 3.0) -> Scan:
             found.append(scan)
         return bool(found)
 
-    wait_for(arrived, within_s)
+    wait_for(arrived)
     return found[0]

