@@ -65,6 +65,37 @@ def clear_beside(ranges_m: FloatArray, beam: int, step: int, guard: int, farther
 
 
 @kernel
+def _least_roughness(
+    ranges_m: FloatArray, bearings_rad: FloatArray, first: int, last: int, mean_m: float, spacing_rad: float
+) -> float:
+    """RMS distance, m, of these beams from the best of the round faces that they can come from.
+
+    Each edge lies between the last beam on the face and the next one; three places of it tell enough apart. It matters
+    because a beam that grazes the edge returns from sqrt(radius s) farther behind than one half a spacing s inside.
+    """
+    least = np.inf
+    for left in range(3):
+        for right in range(3):
+            start = bearings_rad[first] - 0.5 * left * spacing_rad
+            end = bearings_rad[last] + 0.5 * right * spacing_rad
+            half_sine = math.sin(min(0.5 * (end - start), 0.5 * math.pi))
+            if SET_BACK * half_sine > 0.8:
+                continue
+            distance = mean_m / (1.0 - SET_BACK * half_sine)
+            radius, bearing = distance * half_sine, 0.5 * (start + end)
+            hits, rough = 0, 0.0
+            for beam in range(first, last + 1):
+                if not math.isnan(ranges_m[beam]):
+                    across = distance * math.sin(bearings_rad[beam] - bearing)
+                    depth = math.sqrt(max(radius * radius - across * across, 0.0))
+                    off = ranges_m[beam] - distance * math.cos(bearings_rad[beam] - bearing) + depth
+                    hits += 1
+                    rough += off * off
+            least = min(least, rough / hits)
+    return math.sqrt(least)
+
+
+@kernel
 def _trunks(
     ranges_m: FloatArray,
     bearings_rad: FloatArray,
@@ -116,14 +147,8 @@ def _trunks(
         ):
             continue
         bearing = 0.5 * (bearings_rad[first] + bearings_rad[last])
-        rough = 0.0
-        for beam in range(first, last + 1):
-            if not math.isnan(ranges_m[beam]):
-                across = distance * math.sin(bearings_rad[beam] - bearing)
-                depth = math.sqrt(max(radius * radius - across * across, 0.0))
-                off = ranges_m[beam] - distance * math.cos(bearings_rad[beam] - bearing) + depth
-                rough += off * off
-        if hits >= 4 and math.sqrt(rough / hits) > roughness * radius + sigma_m:
+        rough_m = _least_roughness(ranges_m, bearings_rad, first, last, mean, spacing_rad) if hits >= 4 else 0.0
+        if rough_m > roughness * radius + sigma_m:
             continue
         trunks[count, 0], trunks[count, 1], trunks[count, 2] = distance, bearing, radius
         trunks[count, 3], trunks[count, 4], trunks[count, 5] = hits, first, last
