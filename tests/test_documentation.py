@@ -157,7 +157,7 @@ def test_every_page_with_a_block_to_run_is_run() -> None:
 
 
 @pytest.mark.docs
-@pytest.mark.timeout(1800)
+@pytest.mark.timeout(3600)
 def test_every_command_of_the_pages_runs(tmp_path: Path) -> None:
     """In one folder and in the order of the journeys, as a reader would type them."""
     (tmp_path / "config").symlink_to(ROOT / "config")

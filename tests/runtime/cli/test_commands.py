@@ -16,7 +16,7 @@ MOCK = ROOT / "config" / "mock.toml"
 QUIET = ("--set", "review.live=false", "--set", "publish.listen=['tcp/127.0.0.1:0']")
 
 
-def infant(*words: str | Path, timeout: float = 280) -> subprocess.CompletedProcess[str]:
+def infant(*words: str | Path, timeout: float = 600) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "runtime.cli", *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout, cwd=ROOT, check=False)
 

@@ -97,10 +97,10 @@ def test_a_slow_child_is_waited_for_while_it_works_and_within_bounds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_s: float, trouble: str
 ) -> None:
     """It takes a second to begin: many times what one gets that does nothing."""
-    monkeypatch.setattr("runtime.review_process.DRAW_S", most_s)
-    monkeypatch.setattr("runtime.review_process.STALLED_S", 0.1)
+    monkeypatch.setattr("runtime.live.drawing_process.DRAW_S", most_s)
+    monkeypatch.setattr("runtime.live.drawing_process.STALLED_S", 0.1)
     ticks = itertools.count()  # as of a machine where it always gets a little done
-    monkeypatch.setattr("runtime.review_process.processor_ticks", lambda pid: next(ticks))
+    monkeypatch.setattr("runtime.live.drawing_process.processor_ticks", lambda pid: next(ticks))
     process = ReviewProcess(tmp_path / "review.rrd", ReviewSettings())
     for tick in drive(10):
         for record in tick:

@@ -183,7 +183,7 @@ def test_a_ros2_node_of_that_kit_hears_pose_odometry_and_tf_through_its_router()
     try:
         with publishing(settings_on(free_port(), connect=(endpoint,), ros2=True)) as publisher:
             nodes = {
-                topic: subprocess.Popen([*command, topic, name, "20"], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+                topic: subprocess.Popen([*command, topic, name, "240"], cwd=ROOT, stdout=subprocess.PIPE, text=True)
                 for topic, name in zip(frames, ROS2_TYPES, strict=True)
             }
 

@@ -59,12 +59,14 @@ def test_the_rate_in_the_status_is_that_of_the_ticks() -> None:
         assert opened(publisher)
         put_ticks(publisher, range(41), 0.0)
 
+        found: list[dict[str, object]] = []
+
         def rate_known() -> bool:
-            found = fetch_status([f"tcp/127.0.0.1:{port}"])
+            found[:] = fetch_status([f"tcp/127.0.0.1:{port}"])
             return bool(found) and found[0]["seq"] == 40
 
         assert until(rate_known)
-        assert fetch_status([f"tcp/127.0.0.1:{port}"])[0]["rate_hz"] == 10.0
+        assert found[0]["rate_hz"] == 10.0
 
 
 def test_nobody_there_is_an_empty_answer_in_bounded_time() -> None:

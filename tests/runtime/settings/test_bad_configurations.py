@@ -126,17 +126,8 @@ def started(folder: Path, content: str | bytes | None) -> Ended:
     config = folder / "rover.toml"
     if content is not None:
         config.write_bytes(content.encode() if isinstance(content, str) else content)
-    command = [
-        sys.executable,
-        "-m",
-        "runtime.cli",
-        "run",
-        "--config",
-        str(config),
-        "--out",
-        str(folder / "run"),
-    ]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=240, check=False)
+    command = [sys.executable, "-m", "runtime.cli", "run", "--config", str(config), "--out", str(folder / "run")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=1000, check=False)
     return Ended(done.returncode, done.stderr, config, [path for path in folder.rglob("*") if path != config])
 
 
