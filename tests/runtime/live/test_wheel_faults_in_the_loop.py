@@ -20,19 +20,19 @@ FAULTS: dict[str, tuple[tuple[str, ...], SensorState | None, dict[str, Any]]] = 
     "loss": (("left.lost",), None, {"probability": 0.5, "duration_s": 0.6}),
     "duplicate": (("left.duplicate",), None, {"probability": 0.5, "duration_s": 0.5}),
     "reorder": (("left.out_of_order",), None, {"probability": 0.5, "duration_s": 0.5}),
-    "bad_crc": (("left.crc",), SensorState.FAILED, {"duration_s": 1.0}),
-    "bad_length": (("left.length",), SensorState.FAILED, {"duration_s": 1.0}),
-    "remote": (("left.remote",), SensorState.FAILED, {"duration_s": 1.0}),
-    "alive_frozen": (("left.alive_frozen",), SensorState.FAILED, {"duration_s": 1.0}),
+    "bad_crc": (("left.crc",), SensorState.FAILED, {"duration_s": 2.0}),
+    "bad_length": (("left.length",), SensorState.FAILED, {"duration_s": 2.0}),
+    "remote": (("left.remote",), SensorState.FAILED, {"duration_s": 2.0}),
+    "alive_frozen": (("left.alive_frozen",), SensorState.FAILED, {"duration_s": 2.0}),
     "second_sender": (("left.two_senders",), None, {"value": 1, "duration_s": 0.5}),
-    "silence": (("left.lost",), SensorState.FAILED, {"duration_s": 1.0}),
-    "silence_all": (("bus.lost_together",), SensorState.FAILED, {"wheel": "both", "duration_s": 1.0}),
-    "status": (("left.status",), SensorState.FAILED, {"value": 2, "duration_s": 1.0}),
+    "silence": (("left.lost",), SensorState.FAILED, {"duration_s": 2.0}),
+    "silence_all": (("bus.lost_together",), SensorState.FAILED, {"wheel": "both", "duration_s": 2.0}),
+    "status": (("left.status",), SensorState.FAILED, {"value": 2, "duration_s": 2.0}),
     "jump": (("left.jump", "left.speed_disagrees"), None, {"magnitude": 5000, "duration_s": 0.3}),
     "power_cycle": (("left.power_cycle",), None, {"duration_s": 0.3}),
-    "bus_off": (("bus.bus_off",), SensorState.FAILED, {"wheel": "both", "duration_s": 1.0}),
+    "bus_off": (("bus.bus_off",), SensorState.FAILED, {"wheel": "both", "duration_s": 2.0}),
     "error_passive": (("bus.passive",), None, {"wheel": "both", "duration_s": 0.3}),
-    "error_flood": (("bus.bus_error",), SensorState.FAILED, {"wheel": "both", "duration_s": 1.0}),
+    "error_flood": (("bus.bus_error",), SensorState.FAILED, {"wheel": "both", "duration_s": 2.0}),
 }
 
 
@@ -89,7 +89,7 @@ def test_faults_of_the_wheels_alone_and_with_the_lasers_are_states_and_never_the
     with live_run(tmp_path / "run") as run:
         strike(run, "silence")
         strike(run, "bad_crc")
-        run.rover.inject("laser", {"kind": "silence", "duration_s": 1.0})
+        run.rover.inject("laser", {"kind": "silence", "duration_s": 2.0})
         strike(run, "bus_off")
         run.await_more("scans", 3, 120.0)
     ticks = recorded(run.folder)

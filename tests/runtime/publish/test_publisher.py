@@ -42,21 +42,17 @@ from tests.support.zenoh.wire import (
 
 TICK_NS = 100_000_000
 
-BLOCKED_S = 0.5  # a put that waits for the network takes 1 s and more; a busy machine takes some milliseconds
 
-
-def test_a_subscriber_in_another_process_receives_the_pose_ten_times_a_second() -> None:
+def test_a_subscriber_in_another_process_receives_every_pose_once_and_in_order() -> None:
     port = free_port()
     with publishing(settings_on(port)) as publisher, listening(f"tcp/127.0.0.1:{port}", "infant/r1/pose") as listener:
         put_ticks(publisher, range(5), 0.02)  # until the subscription has arrived
         assert until(lambda: len(listener.messages) > 0)
-        put_ticks(publisher, range(100, 120), 0.1)
+        put_ticks(publisher, range(100, 120), 0.02)
         assert until(lambda: read_attachment(bytes.fromhex(listener.messages[-1]["attachment"]))[1] == stamp_of(119))
         messages = listener.messages[-20:]
     sequence = [read_attachment(bytes.fromhex(message["attachment"]))[0] for message in messages]
     assert sequence == list(range(sequence[0], sequence[0] + 20)), "a pose was lost or doubled"
-    seconds = (messages[-1]["arrived_ns"] - messages[0]["arrived_ns"]) * 1e-9
-    assert 19 / seconds == pytest.approx(10.0, rel=0.05)
     assert messages[0]["encoding"] == "application/cdr;geometry_msgs/msg/PoseWithCovarianceStamped"
 
 
