@@ -118,6 +118,7 @@ def reconnect(times: int) -> tuple[list[int], list[int]]:
     with simulated_laser(LASER) as (device, _):
         settings = LaserSettings(url=device.url, rate_hz=40.0, retry_min_s=0.01, time_sync_samples=1)
         with driven(settings) as driver:
+            next_scan(driver)
             threads = threading.active_count()
             for number in range(times):
                 next_scan(driver)
@@ -130,7 +131,7 @@ def reconnect(times: int) -> tuple[list[int], list[int]]:
                 device.inject({"kind": "cut", "duration_s": 0.02})
                 wait_for(lambda count=before: count_of(driver, "connections") > count)  # type: ignore[misc]
             next_scan(driver)
-            assert threading.active_count() == threads
+            wait_for(lambda: threading.active_count() <= threads)  # one that ends may take a moment
     return descriptors, pages
 
 
