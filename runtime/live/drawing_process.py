@@ -4,6 +4,7 @@ The parent frames records onto the child's standard input; the child is `python 
 A child that dies or stalls costs the picture, which can be made again, and nothing else.
 """
 
+import contextlib
 import json
 import os
 import queue

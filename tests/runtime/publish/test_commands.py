@@ -13,7 +13,7 @@ from runtime.commands import LONGEST_REASON, MOST_WAITING, Command, CommandQueue
 from runtime.errors import ConfigurationError, SensorError
 from runtime.health import HealthMonitor
 from runtime.live.clock import MonotonicClock
-from runtime.live.loop import Inputs, Loop, Outputs
+from runtime.live.loop import Loop
 from runtime.live.stage_clock import StageClock
 from runtime.publish.commands import send_command
 from runtime.publish.publisher import ZenohPublisher
@@ -134,8 +134,8 @@ def test_each_command_over_the_wire_is_obeyed_and_stands_in_the_record(fleet: Fl
     loop = Loop(
         StageClock(clock),
         SmallEstimator(SlamSettings(), 1),
-        Inputs(sensors, sensors, publisher.drain_events),
-        Outputs(sinks, HealthMonitor(), lambda *watched: None),
+        sinks,
+        HealthMonitor(),
         20_000_000,
     )
     driving = threading.Thread(target=loop.run, args=(clock.now_ns(), stop, 60_000_000_000))
