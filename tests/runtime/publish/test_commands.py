@@ -134,8 +134,8 @@ def test_each_command_over_the_wire_is_obeyed_and_stands_in_the_record(fleet: Fl
     loop = Loop(
         StageClock(clock),
         SmallEstimator(SlamSettings(), 1),
-        sinks,
-        HealthMonitor(),
+        Inputs(sensors, sensors, publisher.drain_events),
+        Outputs(sinks, HealthMonitor(), lambda *watched: None),
         20_000_000,
     )
     driving = threading.Thread(target=loop.run, args=(clock.now_ns(), stop, 60_000_000_000))

@@ -198,9 +198,12 @@ def test_a_recorder_that_hangs_in_our_own_code_is_not_excused(tmp_path: Path) ->
     watch = ThreadWatch(clock.now_ns)
     go_on, hangs = threading.Event(), threading.Event()
 
-    def hang(_record: Record) -> None:
-        hangs.set()
-        go_on.wait(240.0)
+    class Hanging:
+        def feed(self, record: Record) -> None:
+            hangs.set()
+            go_on.wait(240.0)
+
+        def segment_closed(self, number: int, stamp_ns: int) -> None: ...
 
     folder = RunFolder.create(tmp_path / "run", tmp_path)
     recorder = Recorder(folder, RunHeader.of_live_run("", {}), observers=[Hanging()], threads=watch)

@@ -117,8 +117,8 @@ def live_run(path: Path) -> Iterator[LiveRun]:
     try:
         assert wired.wait(240.0), "the run was not wired"
         run = LiveRun(rover, found[0], folder, thread)
-        run.await_more("scans", 1, 120.0)
-        rover.drive(time.monotonic_ns())
+        run.await_more("scans", 1, 240.0)  # kernels may compile first
+        rover.start_world(time.monotonic_ns())
         yield run
     finally:
         stop.set()

@@ -50,7 +50,7 @@ def publishing(settings: PublishSettings, rover: str = "r1", **options: Any) -> 
         publisher.close()
 
 
-def opened(publisher: ZenohPublisher, within_s: float = 10.0) -> tuple[str, ...]:
+def opened(publisher: ZenohPublisher, within_s: float = 120.0) -> tuple[str, ...]:
     """Wait until the session is open and return where it listens; empty if it is not open by then."""
     until(lambda: publisher.listening is not None, within_s)
     return publisher.listening or ()
