@@ -13,7 +13,7 @@ from runtime.commands import LONGEST_REASON, MOST_WAITING, Command, CommandQueue
 from runtime.errors import ConfigurationError, SensorError
 from runtime.health import HealthMonitor
 from runtime.live.clock import MonotonicClock
-from runtime.live.loop import Loop
+from runtime.live.loop import Inputs, Loop, Outputs
 from runtime.live.stage_clock import StageClock
 from runtime.publish.commands import send_command
 from runtime.publish.publisher import ZenohPublisher
