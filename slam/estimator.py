@@ -3,20 +3,19 @@
 import hashlib
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import chain
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drivers.measurements import FloatArray, ScanLike, WheelSample
+from drivers.measurements import FloatArray, IntArray, ScanLike, WheelSample
 from slam.estimate import Estimate
 from slam.front_end.alignment import Alignment
 from slam.front_end.deskew import Twist, with_motion_noise
 from slam.front_end.front_ends import make_front_end
-from slam.joint.evidence import Standing
+from slam.joint.evidence import Confidence
 from slam.joint.gaussian import JointGaussian
-from slam.observations import Features
+from slam.observations import usable_rows, verdicts_of_all
 from slam.odometry.odometry import Increment, Odometry
 from slam.particles.fastslam import FastSlam, ScanOutcome
 from slam.pose import Pose2
@@ -28,7 +27,7 @@ from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, 
 MAP_EVERY = 10  # scans: once a second, as often as the map is published
 
 
-def unmarked(stage: str) -> None:
+def no_mark(stage: str) -> None:
     """Nobody wants to know how long the stages take."""
 
 
@@ -42,7 +41,7 @@ class Estimator:
         self,
         settings: SlamSettings,
         seed: int,
-        mark: Callable[[str], None] = unmarked,
+        mark: Callable[[str], None] = no_mark,
         map_every: int = MAP_EVERY,
     ) -> None:
         """mark: told the name of each stage of a step as it ends, for someone who has a clock. map_every: the map goes
@@ -52,18 +51,18 @@ class Estimator:
         self._mark = mark
         self._map_every = map_every
         self._generator = np.random.default_rng(seed)
-        mount = settings.mount.as_pose()
+        self._body_from_laser = settings.mount.as_pose()
         techniques = settings.techniques
         self._odometry = Odometry(settings.odometry)
         self._front_end = make_front_end(
             settings.front_end,
             difference=techniques.difference,
             sparse=techniques.sparse,
-            body_from_laser=mount,
+            body_from_laser=self._body_from_laser,
         )
-        self._alignment = Alignment(settings.front_end, mount)
+        self._alignment = Alignment(settings.front_end, self._body_from_laser)
         self._particles = FastSlam(settings, self._generator)
-        self._joint = JointGaussian(settings.joint, mount, settings.tuning())
+        self._joint = JointGaussian(settings.joint, self._body_from_laser, settings.tuning())
         self._quality = QualityMonitor(settings.quality)
         self._scan_ns: int | None = None
         self._refused_scans = 0
@@ -74,24 +73,44 @@ class Estimator:
         """The estimate at stamp_ns from everything up to then; without a scan a prediction from the wheels."""
         self._odometry.add(wheels)
         if scan is None or not self._is_new(scan):
-            return self._predicted(stamp_ns)
+            return self._prediction(stamp_ns)
         self._scan_ns = scan.stamp_ns
         increment = self._alignment.refine(scan, self._odometry.take_until(scan.stamp_ns))
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
         predicted = self._joint.map_from_body @ increment.as_pose()
         self._mark("odometry")
+
+        # difference and features (III-A)
         features, verdicts = self._front_end.observe(scan, predicted, twist, increment.at_rest)
         self._mark("front end")
         features = with_motion_noise(features, scan, increment.covariance, increment.duration_s)
+        rows = usable_rows(features, self._settings.view.range_max_m, self._body_from_laser.heading_rad)
         sight = sight_line(scan)
-        outcome = self._particles.step(increment, features, sight)
+
+        # associate, sample, update, resample and prune in every particle (III-B)
+        outcome = self._particles.step(increment, rows, sight)
         self._mark("particles")
-        standing = Standing(self._quality.settled_before, self._quality.map_is_kept)
-        self._joint.step(increment.mean, increment.covariance, features, outcome.matches, sight, standing)
-        self._quality.weigh(scan.stamp_ns, self._joint.evidence)
+
+        # the joint Gaussian, whose pose is published, and whether it can be believed
+        confidence = Confidence(self._quality.settled_before, self._quality.map_is_kept)
+        self._joint.step(increment.mean, increment.covariance, rows, outcome.matches, sight, confidence)
+        self._quality.add(scan.stamp_ns, self._joint.evidence)
         self._mark("joint")
-        self._chain_hash(outcome)
-        return self._with_scan(stamp_ns, increment, features, verdicts, outcome)
+
+        matches = verdicts_of_all(rows, outcome.matches, len(features))
+        self._chain_hash(matches)
+        prediction = self._prediction(stamp_ns)
+        due = self._particles.scans % self._map_every == 0
+        return replace(
+            prediction,
+            particles=self._particles.weighted_poses,
+            particle_weights=self._particles.weights,
+            features=features,
+            matches=matches,
+            beam_verdicts=verdicts,
+            landmarks=self._joint.landmarks() if due else None,
+            counts=prediction.counts | self._scan_counts(increment, matches, outcome) | self._quality.figures,
+        )
 
     def state_hash(self) -> bytes:
         """16 bytes over everything that the next step depends on; two runs agree in it only if they agree in all."""
@@ -115,50 +134,8 @@ class Estimator:
             return False
         return True
 
-    def _predicted(self, stamp_ns: int) -> Estimate:
-        """Pose at the last scan moved on by the wheels, its covariance grown by theirs."""
-        return Estimate(stamp_ns=stamp_ns, **self._poses_at(stamp_ns), counts=self._counts())
-
-    def _with_scan(
-        self,
-        stamp_ns: int,
-        increment: Increment,
-        features: Features,
-        verdicts: NDArray[np.uint8],
-        outcome: ScanOutcome,
-    ) -> Estimate:
-        """The same with all that a reviewer wants to know of this scan."""
-        counts = (
-            self._counts()
-            | {
-                "features": float(len(features)),
-                "matched": float((outcome.matches >= 0).sum()),
-                "created": outcome.created,
-                "removed": outcome.removed,
-                "likelihoods": float(outcome.likelihoods),
-                "effective_particles": outcome.effective,
-                "resampled": float(outcome.resampled),
-                "at_rest": float(increment.at_rest),
-                "odometry_known": float(increment.known),
-                "scans_aligned": float(self._alignment.refined),
-            }
-            | self._quality.figures
-        )
-        due = self._particles.scans % self._map_every == 0
-        return Estimate(
-            stamp_ns=stamp_ns,
-            **self._poses_at(stamp_ns),
-            particles=self._particles.weighted_poses,
-            particle_weights=self._particles.weights,
-            features=features,
-            matches=outcome.matches,
-            beam_verdicts=verdicts,
-            landmarks=self._joint.landmarks() if due else None,
-            counts=counts,
-        )
-
-    def _poses_at(self, stamp_ns: int) -> dict[str, Any]:
-        """The pose fields of an Estimate at stamp_ns, which is at or after the last scan."""
+    def _prediction(self, stamp_ns: int) -> Estimate:
+        """The poses at the last scan moved on by the wheels to stamp_ns, their covariances grown by the wheels' own."""
         particle_mean, particle_covariance = self._particles.mean()
         pose, covariance = self._joint.map_from_body, self._joint.covariance
         if not (np.isfinite(covariance).all() and np.isfinite(pose.as_array()).all()):
@@ -169,15 +146,17 @@ class Estimator:
         moved = since.as_pose()
         grown = compound(pose, covariance, since)
         judgement = self._quality.judge(stamp_ns, grown, gap_m)
-        return {
-            "map_from_body": pose @ moved,
-            "covariance": self._quality.published(judgement.quality, grown),
-            "particle_mean": particle_mean @ moved,
-            "particle_covariance": compound(particle_mean, particle_covariance, since),
-            "odom_from_body": self._odometry.odom_from_body @ moved,
-            "quality": judgement.quality,
-            "doubt": judgement.doubt,
-        }
+        return Estimate(
+            stamp_ns=stamp_ns,
+            map_from_body=pose @ moved,
+            covariance=self._quality.published(judgement.quality, grown),
+            particle_mean=particle_mean @ moved,
+            particle_covariance=compound(particle_mean, particle_covariance, since),
+            odom_from_body=self._odometry.odom_from_body @ moved,
+            quality=judgement.quality,
+            doubt=judgement.doubt,
+            counts=self._counts(),
+        )
 
     def _counts(self) -> dict[str, float]:
         """Figures that every tick has."""
@@ -188,13 +167,28 @@ class Estimator:
             "not_finite": float(self._not_finite),
         }
 
-    def _chain_hash(self, outcome: ScanOutcome) -> None:
+    def _scan_counts(self, increment: Increment, matches: IntArray, outcome: ScanOutcome) -> dict[str, float]:
+        """Figures of a tick with a scan."""
+        return {
+            "features": float(len(matches)),
+            "matched": float((matches >= 0).sum()),
+            "created": outcome.created,
+            "removed": outcome.removed,
+            "likelihoods": float(outcome.likelihoods),
+            "effective_particles": outcome.effective,
+            "resampled": float(outcome.resampled),
+            "at_rest": float(increment.at_rest),
+            "odometry_known": float(increment.known),
+            "scans_aligned": float(self._alignment.refined),
+        }
+
+    def _chain_hash(self, matches: IntArray) -> None:
         """Fold what this scan changed into the hash: poses, weights, generator, the best map in view, the joint
         Gaussian.
         """
         particles = self._particles
         digest = hashlib.blake2b(self._hash, digest_size=16)
-        for array in (particles.poses, particles.log_weights, outcome.matches, *particles.map_in_view()):
+        for array in (particles.poses, particles.log_weights, matches, *particles.map_in_view()):
             digest.update(np.ascontiguousarray(array).data)
         digest.update(repr(self._generator.bit_generator.state).encode())
         digest.update(self._joint.state_bytes())

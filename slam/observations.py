@@ -2,8 +2,14 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
+from slam.pose import wrap_rads
+
+IDENTITIES_PER_SCAN = 4096  # a landmark is named by the scan that made it, times this, plus the feature's number
 
 
 class BeamVerdict(IntEnum):
@@ -23,6 +29,11 @@ class MatchVerdict(IntEnum):
     AMBIGUOUS = -3
     EXCLUDED = -4
     OUT_OF_RANGE = -5
+
+
+# the same as plain numbers, which compiled code takes; PENDING: not decided yet
+NEW, UNLICENSED, AMBIGUOUS, EXCLUDED, OUT_OF_RANGE = (int(verdict) for verdict in MatchVerdict)
+PENDING = -100
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,3 +57,69 @@ class Features:
 
     def __len__(self) -> int:
         return int(self.ranges_m.shape[0])
+
+
+class Sighting(NamedTuple):
+    """What the sensor says of one thing: range m, bearing rad, and their covariance m^2, m rad, rad^2."""
+
+    range_m: float
+    bearing_rad: float
+    rr: float
+    rb: float
+    bb: float
+
+
+class FeatureRows(NamedTuple):
+    """The usable features of one scan as both filters and their compiled code take them, (K,) each.
+
+    ranges_m, bearings_rad; rr m^2, rb m rad, bb rad^2: their covariances. ahead, left: unit vector towards the feature
+    in the body's axes. may_create, identities: as in Features. numbers: which of the Features each one is.
+    order: in which they are associated, nearest first.
+    """
+
+    ranges_m: FloatArray
+    bearings_rad: FloatArray
+    rr: FloatArray
+    rb: FloatArray
+    bb: FloatArray
+    ahead: FloatArray
+    left: FloatArray
+    may_create: BoolArray
+    identities: IntArray
+    numbers: IntArray
+    order: IntArray
+
+
+def usable_rows(features: Features, range_max_m: float, mount_yaw_rad: float) -> FeatureRows:
+    """Features that are finite, within range, and have a positive definite covariance.
+
+    mount_yaw_rad: heading of the laser on the body.
+    """
+    c = features.covariances
+    with np.errstate(invalid="ignore"):
+        determinants = c[:, 0, 0] * c[:, 1, 1] - c[:, 0, 1] * c[:, 1, 0]
+        finite = np.isfinite(features.ranges_m) & np.isfinite(features.bearings_rad) & np.isfinite(determinants)
+        definite = (c[:, 0, 0] > 0.0) & (determinants > 0.0)
+        near = (features.ranges_m > 0.0) & (features.ranges_m <= range_max_m)
+    usable = np.flatnonzero(finite & definite & near)[:IDENTITIES_PER_SCAN]
+    c, ranges, bearings = c[usable], features.ranges_m[usable], wrap_rads(features.bearings_rad[usable])
+    return FeatureRows(
+        ranges,
+        bearings,
+        c[:, 0, 0].copy(),
+        0.5 * (c[:, 0, 1] + c[:, 1, 0]),
+        c[:, 1, 1].copy(),
+        np.cos(bearings + mount_yaw_rad),
+        np.sin(bearings + mount_yaw_rad),
+        features.may_create[usable],
+        features.identities[usable],
+        usable,
+        np.argsort(ranges, kind="stable"),
+    )
+
+
+def verdicts_of_all(rows: FeatureRows, verdicts: IntArray, count: int) -> IntArray:
+    """Verdicts (K,) of the usable features spread over all `count` features; OUT_OF_RANGE for the others."""
+    everyone = np.full(count, int(MatchVerdict.OUT_OF_RANGE), dtype=np.int64)
+    everyone[rows.numbers] = verdicts
+    return everyone

@@ -85,8 +85,8 @@ class QualityMonitor:
         """
         return self._lost or self._blind_scans >= LOST_BLIND_SCANS
 
-    def weigh(self, stamp_ns: int, evidence: Evidence) -> None:
-        """One scan."""
+    def add(self, stamp_ns: int, evidence: Evidence) -> None:
+        """What one scan said."""
         settings = self._settings
         self._scans += 1
         self._evidence = evidence

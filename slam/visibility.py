@@ -1,20 +1,48 @@
-"""What could be seen from where: the pose of the sensor, the sight line of a scan, a landmark in clear view."""
+"""What a scan shows, for compiled code: its features, the sensor's pose, the sight line, a landmark in clear view."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from drivers.measurements import FloatArray, Scan, ScanLike
 from slam.angles import wrapped
 from slam.compiled import leaf
+from slam.observations import FeatureRows, Sighting
 from slam.settings.tuning import Tuning
 
-NO_SIGHT = np.zeros(3)
+
+class SightLine(NamedTuple):
+    """How far each beam of a scan looked.
+
+    first_bearing_rad, step_rad: where beams point. no_return_m: how far a beam without return looked. ranges_m (N,):
+    NaN where nothing came back; N = 0 where there is no scan.
+    """
+
+    first_bearing_rad: float
+    step_rad: float
+    no_return_m: float
+    ranges_m: FloatArray
+
+
+NO_SIGHT = SightLine(0.0, 0.0, 0.0, np.zeros(0))
+
+
+@leaf
+def sighting_of(features: FeatureRows, index: int) -> Sighting:
+    """One of the features."""
+    return Sighting(
+        features.ranges_m[index],
+        features.bearings_rad[index],
+        features.rr[index],
+        features.rb[index],
+        features.bb[index],
+    )
 
 
 @leaf
 def in_clear_view(
-    landmark_x: float, landmark_y: float, sensor: tuple[float, float, float], sight: FloatArray, tuning: Tuning
+    landmark_x: float, landmark_y: float, sensor: tuple[float, float, float], sight: SightLine, tuning: Tuning
 ) -> bool:
     """True where the sensor would have seen the landmark: well inside its range and angle, and nothing at or before it.
 
@@ -28,16 +56,16 @@ def in_clear_view(
     bearing = wrapped(math.atan2(dy, dx) - sensor[2])
     if abs(bearing) > tuning.missed_bearing_rad:
         return False
-    beams = sight.size - 3
+    beams = sight.ranges_m.size
     if beams <= 0:
         return True
-    half_width = math.atan2(tuning.sight_half_width_m, distance) + abs(sight[1])
-    first = math.floor((bearing - half_width - sight[0]) / sight[1])
-    last = math.ceil((bearing + half_width - sight[0]) / sight[1])
+    half_width = math.atan2(tuning.sight_half_width_m, distance) + abs(sight.step_rad)
+    first = math.floor((bearing - half_width - sight.first_bearing_rad) / sight.step_rad)
+    last = math.ceil((bearing + half_width - sight.first_bearing_rad) / sight.step_rad)
     if first < 0 or last >= beams:
         return False
     for beam in range(first, last + 1):
-        measured = sight[3 + beam] if sight[3 + beam] == sight[3 + beam] else sight[2]
+        measured = sight.no_return_m if math.isnan(sight.ranges_m[beam]) else sight.ranges_m[beam]
         if measured < distance + tuning.sight_margin_m:
             return False
     return True
@@ -54,12 +82,12 @@ def sensor_pose(pose: FloatArray, mount: FloatArray) -> tuple[float, float, floa
     )
 
 
-def sight_line(scan: ScanLike) -> FloatArray:
-    """The scan as slam.kernels takes it, (3 + N,): first bearing, bearing step, range of no return, ranges."""
+def sight_line(scan: ScanLike) -> SightLine:
+    """How far the beams of a scan looked; NO_SIGHT for sightings, and where the bearings do not increase."""
     if not isinstance(scan, Scan) or scan.ranges_m.size < 2:
         return NO_SIGHT
     bearings = scan.bearings_rad
     step = (float(bearings[-1]) - float(bearings[0])) / (bearings.size - 1)
     if not math.isfinite(step) or step <= 0.0:
         return NO_SIGHT
-    return np.concatenate(((float(bearings[0]), step, scan.range_max_m), scan.ranges_m.astype(np.float64)))
+    return SightLine(float(bearings[0]), step, float(scan.range_max_m), scan.ranges_m.astype(np.float64))

@@ -15,10 +15,10 @@ from drivers.measurements import (
     WheelSample,
     uniform_bearings,
 )
-from slam.joint.association import presume
+from slam.joint.association import apply_hypothesis
 from slam.joint.gaussian import JointGaussian
 from slam.joint.measurement import FIRST_PLACE
-from slam.observations import Features
+from slam.observations import FeatureRows, Features, Sighting, usable_rows
 from slam.settings.slam import SlamSettings
 
 RINGS_M = np.array((4.0, 6.0, 9.0, 12.0))
@@ -77,14 +77,16 @@ def warm_up_window(joint: JointGaussian) -> None:
     for _ in range(AT_A_STOP):
         joint.step(np.zeros(3), np.zeros((3, 3)), _features(0), hints[:0])
     mean = np.concatenate((np.zeros(FIRST_PLACE), (4.0, 0.0)))
-    presume(mean, np.eye(len(mean)), np.zeros(3), 0, np.array((4.0, 0.0, 1e-3, 0.0, 1e-4, 1.0)))
+    apply_hypothesis(mean, np.eye(len(mean)), np.zeros(3), 0, Sighting(4.0, 0.0, 1e-3, 0.0, 1e-4))
 
 
-def _features(count: int) -> Features:
+def _features(count: int) -> FeatureRows:
     """The first `count` of the things on rings."""
     covariances = np.tile(np.diag((1e-3, 1e-4)), (count, 1, 1))
     unknown = np.full(count, -1)
-    return Features(0, RINGS_M[:count], BEARINGS_RAD[:count], covariances, np.ones(count, np.bool_), unknown, unknown)
+    may_create = np.ones(count, np.bool_)
+    features = Features(0, RINGS_M[:count], BEARINGS_RAD[:count], covariances, may_create, unknown, unknown)
+    return usable_rows(features, RINGS_M[-1], 0.0)
 
 
 def _sightings(settings: SlamSettings, stamp_ns: int, moved_m: float) -> Sightings:

@@ -12,31 +12,35 @@ import numpy as np
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.angles import wrapped
 from slam.compiled import kernel, leaf
-from slam.joint.measurement import FIRST_PLACE, fold, innovation_covariance, slopes
-
-NEW, UNLICENSED, AMBIGUOUS, EXCLUDED = -1, -2, -3, -4
-PENDING = -100
+from slam.joint.measurement import FIRST_PLACE, JointArrays, fold, innovation_covariance, slopes
+from slam.observations import AMBIGUOUS, EXCLUDED, NEW, PENDING, UNLICENSED, FeatureRows, Sighting
+from slam.visibility import sighting_of
 
 
 class Gates(NamedTuple):
-    """Squared Mahalanobis distances; nearest landmark d: match up to clip(base + per_metre d, base, widest)."""
+    """Squared Mahalanobis distances; nearest landmark d: match up to clip(base + per_metre d, base, widest).
+
+    create: a feature nearer than this to a landmark creates none. slip: within which an old landmark is looked for when
+    most are not where the wheels say.
+    """
 
     match_base: float
     match_per_metre: float
     match_widest: float
     create: float
+    slip: float
 
 
 @leaf
 def distance_to(
-    mean: FloatArray, covariance: FloatArray, mount: FloatArray, at: int, feature: FloatArray
+    mean: FloatArray, covariance: FloatArray, mount: FloatArray, at: int, sighting: Sighting
 ) -> tuple[float, float]:
-    """Squared Mahalanobis distance of a feature to the landmark at `at`, and the determinant of its covariance."""
+    """Squared Mahalanobis distance of a sighting from the landmark at `at`, and the determinant of its covariance."""
     slope = slopes(mean, mount, mean[at], mean[at + 1])
     rr, rb, bb = innovation_covariance(covariance, at, slope)
-    rr, rb, bb = rr + feature[2], rb + feature[3], bb + feature[4]
+    rr, rb, bb = rr + sighting.rr, rb + sighting.rb, bb + sighting.bb
     determinant = rr * bb - rb * rb
-    range_gap, bearing_gap = feature[0] - slope.range_m, wrapped(feature[1] - slope.bearing_rad)
+    range_gap, bearing_gap = sighting.range_m - slope.range_m, wrapped(sighting.bearing_rad - slope.bearing_rad)
     square = bb * range_gap * range_gap - 2.0 * rb * range_gap * bearing_gap + rr * bearing_gap * bearing_gap
     return square / determinant, determinant
 
@@ -53,28 +57,27 @@ def associate(
     covariance: FloatArray,
     mount: FloatArray,
     nearest_m: FloatArray,
-    features: FloatArray,
-    order: IntArray,
+    features: FeatureRows,
     gates: Gates,
     chosen: IntArray,
 ) -> None:
     """Fill chosen (K,) with landmark numbers or verdicts.
 
     mean (6 + 2 L,) and covariance are overwritten by the sequential update; nearest_m (L,) is each landmark's distance
-    to its nearest neighbour; features (K, 6): range, bearing, rr, rb, bb, licence.
+    to its nearest neighbour.
     """
     landmarks = nearest_m.size
     used = np.zeros(landmarks, dtype=np.bool_)
     work = np.empty((2, mean.size))
     chosen[:] = PENDING
-    for position in range(order.size):
-        feature = order[position]
+    for position in range(features.order.size):
+        feature = features.order[position]
         while chosen[feature] == PENDING:
             best, best_log, best_square = -1, -math.inf, math.inf
             least, least_excluded = math.inf, False
             for landmark in range(landmarks):
                 at = FIRST_PLACE + 2 * landmark
-                square, determinant = distance_to(mean, covariance, mount, at, features[feature])
+                square, determinant = distance_to(mean, covariance, mount, at, sighting_of(features, feature))
                 if square < least:
                     least, least_excluded = square, used[landmark]
                 if not used[landmark] and square <= gate_of(nearest_m[landmark], gates):
@@ -85,55 +88,54 @@ def associate(
                 if least < gates.create:
                     chosen[feature] = EXCLUDED if least_excluded else AMBIGUOUS
                 else:
-                    chosen[feature] = NEW if features[feature, 5] > 0.0 else UNLICENSED
+                    chosen[feature] = NEW if features.may_create[feature] else UNLICENSED
                 break
             at = FIRST_PLACE + 2 * best
             taker = feature
-            for later in range(position + 1, order.size):
-                rival = order[later]
+            for later in range(position + 1, features.order.size):
+                rival = features.order[later]
                 if chosen[rival] == PENDING:
-                    square, _ = distance_to(mean, covariance, mount, at, features[rival])
+                    square, _ = distance_to(mean, covariance, mount, at, sighting_of(features, rival))
                     if square < best_square:
                         taker, best_square = rival, square
             slope = slopes(mean, mount, mean[at], mean[at + 1])
-            fold(mean, covariance, at, slope, features[taker], work)
+            fold(mean, covariance, at, slope, sighting_of(features, taker), work)
             chosen[taker] = best
             used[best] = True
 
 
 @kernel
-def follow(
+def associate_by_hint(
     mean: FloatArray,
     covariance: FloatArray,
     mount: FloatArray,
     identities: IntArray,
-    features: FloatArray,
-    order: IntArray,
-    told: IntArray,
+    features: FeatureRows,
+    hints: IntArray,
     gate: float,
     chosen: IntArray,
 ) -> None:
-    """Fill chosen (K,) with the landmarks that somebody else told (K,), as far as they pass the gate.
+    """Fill chosen (K,) with the landmarks that hints (K,) name, as far as they pass the gate.
 
-    told: an identity, or a verdict, which stands. An identity that is not among identities (L,) starts a landmark. mean
-    and covariance are overwritten by the sequential update.
+    hints: an identity, or a verdict, which stands. An identity that is not among identities (L,) starts a landmark.
+    mean and covariance are overwritten by the sequential update.
     """
     used = np.zeros(identities.size, dtype=np.bool_)
     work = np.empty((2, mean.size))
-    for position in range(order.size):
-        feature = order[position]
-        chosen[feature] = told[feature]
-        if told[feature] < 0:
+    for feature in features.order:
+        chosen[feature] = hints[feature]
+        if hints[feature] < 0:
             continue
-        chosen[feature] = NEW if features[feature, 5] > 0.0 else UNLICENSED
+        chosen[feature] = NEW if features.may_create[feature] else UNLICENSED
+        sighting = sighting_of(features, feature)
         for landmark in range(identities.size):
-            if identities[landmark] == told[feature]:
+            if identities[landmark] == hints[feature]:
                 at = FIRST_PLACE + 2 * landmark
-                square, _ = distance_to(mean, covariance, mount, at, features[feature])
+                square, _ = distance_to(mean, covariance, mount, at, sighting)
                 if used[landmark] or square > gate:
                     chosen[feature] = EXCLUDED if used[landmark] else AMBIGUOUS
                     break
-                fold(mean, covariance, at, slopes(mean, mount, mean[at], mean[at + 1]), features[feature], work)
+                fold(mean, covariance, at, slopes(mean, mount, mean[at], mean[at + 1]), sighting, work)
                 chosen[feature] = landmark
                 used[landmark] = True
                 break
@@ -141,32 +143,29 @@ def follow(
 
 @kernel
 def nearest_old(
-    mean: FloatArray,
-    covariance: FloatArray,
-    mount: FloatArray,
-    places: IntArray,
-    old: BoolArray,
-    features: FloatArray,
-    gate: float,
-    best: IntArray,
-    squares: FloatArray,
-) -> None:
-    """Fill best (K,) with the nearest of the old (k,) landmarks at places (k,) within the gate, -1 where there is none.
+    joint: JointArrays, places: IntArray, old: BoolArray, features: FeatureRows, gate: float
+) -> tuple[IntArray, FloatArray]:
+    """(K,) the nearest of the old (k,) landmarks at places (k,) within the gate, -1 where there is none.
 
-    squares (K,): its squared Mahalanobis distance before anything of the scan is folded in, else inf.
+    And (K,) its squared Mahalanobis distance before anything of the scan is folded in, else inf.
     """
-    best[:] = -1
-    squares[:] = math.inf
-    for feature in range(features.shape[0]):
+    best, squares = np.full(features.ranges_m.size, -1), np.full(features.ranges_m.size, math.inf)
+    for feature in range(features.ranges_m.size):
+        sighting = sighting_of(features, feature)
         for landmark in range(places.size):
             if old[landmark]:
-                square, _ = distance_to(mean, covariance, mount, places[landmark], features[feature])
+                square, _ = distance_to(joint.mean, joint.covariance, joint.mount, places[landmark], sighting)
                 if square <= gate and square < squares[feature]:
                     best[feature], squares[feature] = landmark, square
+    return best, squares
 
 
 @kernel
-def presume(mean: FloatArray, covariance: FloatArray, mount: FloatArray, landmark: int, feature: FloatArray) -> None:
-    """Fold one feature of this landmark into mean (6 + 2 L,) and covariance, whatever the distance."""
+def apply_hypothesis(
+    mean: FloatArray, covariance: FloatArray, mount: FloatArray, landmark: int, sighting: Sighting
+) -> None:
+    """Fold one sighting of this landmark into mean (6 + 2 L,) and covariance, whatever the distance: if that is what it
+    was, the wheels have slipped by so much.
+    """
     at = FIRST_PLACE + 2 * landmark
-    fold(mean, covariance, at, slopes(mean, mount, mean[at], mean[at + 1]), feature, np.empty((2, mean.size)))
+    fold(mean, covariance, at, slopes(mean, mount, mean[at], mean[at + 1]), sighting, np.empty((2, mean.size)))

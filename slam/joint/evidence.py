@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.measurements import BoolArray, FloatArray, IntArray
+from drivers.measurements import BoolArray, IntArray
 from slam.compiled import kernel
 from slam.joint.association import distance_to
+from slam.joint.measurement import JointArrays
+from slam.observations import FeatureRows
 from slam.settings.tuning import Tuning
-from slam.visibility import NO_SIGHT, in_clear_view, sensor_pose
-
-KNOWN, FOUND, MISSED, SQUARES = range(4)
+from slam.visibility import SightLine, in_clear_view, sensor_pose, sighting_of
 
 SETTLED_SCANS = 30  # scans after which a landmark speaks for or against the pose: a walker has gone by then
 
@@ -31,7 +31,7 @@ class Evidence:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class Confidence:
     """What the scans before said about the pose.
 
     settled_before: number of the scan before which a landmark must have been made to speak for or against the pose.
@@ -42,62 +42,58 @@ class Standing:
     lost: bool = False
 
 
-TRUSTED = Standing()
+CONFIDENT = Confidence()
 
 
-def weigh(
-    mean: FloatArray,
-    covariance: FloatArray,
-    mount: FloatArray,
+def score(
+    joint: JointArrays,
     places: IntArray,
     settled: BoolArray,
-    features: FloatArray,
+    features: FeatureRows,
     chosen: IntArray,
-    sight: FloatArray,
+    sight: SightLine,
     tuning: Tuning,
 ) -> Evidence:
     """Evidence of one scan before it is folded in.
 
-    mean (N,), covariance (N, N): the predicted joint state; places (k,): landmarks that can be in view; settled (k,).
-    features (K, 6) as slam.joint_association takes them; chosen (K,): number of a landmark among places, or a verdict.
+    places (k,): landmarks of the predicted joint state that can be in view; settled (k,): which of them count. chosen
+    (K,): number of a landmark among places, or a verdict.
     """
-    sums = np.zeros(4)
-    _weigh(mean, covariance, mount, places, settled, features, chosen, sight, NO_SIGHT, tuning, sums)
-    found = int(sums[FOUND])
-    return Evidence(int(sums[KNOWN]), found, int(sums[MISSED]), float(sums[SQUARES]) / max(found, 1))
+    known, found, missed, squares = _score(joint, places, settled, features, chosen, sight, tuning)
+    return Evidence(known, found, missed, squares / max(found, 1))
 
 
 @kernel
-def _weigh(
-    mean: FloatArray,
-    covariance: FloatArray,
-    mount: FloatArray,
+def _score(
+    joint: JointArrays,
     places: IntArray,
     settled: BoolArray,
-    features: FloatArray,
+    features: FeatureRows,
     chosen: IntArray,
-    sight: FloatArray,
-    no_sight: FloatArray,
+    sight: SightLine,
     tuning: Tuning,
-    sums: FloatArray,
-) -> None:
-    """Add known, found, missed and the squared distances of the found ones to sums (4,)."""
-    sensor = sensor_pose(mean, mount)
+) -> tuple[int, int, int, float]:
+    """Known, found, missed, and the sum of the squared distances of the found ones."""
+    sensor = sensor_pose(joint.mean, joint.mount)
+    anywhere = SightLine(0.0, 0.0, 0.0, sight.ranges_m[:0])
     seen = np.zeros(places.size, dtype=np.bool_)
+    known, found, missed, squares = 0, 0, 0, 0.0
     for feature in range(chosen.size):
         index = chosen[feature]
         if index < 0:
             continue
         seen[index] = True
         if settled[index]:
-            square, _ = distance_to(mean, covariance, mount, places[index], features[feature])
-            sums[KNOWN] += 1.0
-            sums[FOUND] += 1.0
-            sums[SQUARES] += square
+            sighting = sighting_of(features, feature)
+            square, _ = distance_to(joint.mean, joint.covariance, joint.mount, places[index], sighting)
+            known += 1
+            found += 1
+            squares += square
     for index in range(places.size):
-        at = places[index]
-        if seen[index] or not settled[index] or not in_clear_view(mean[at], mean[at + 1], sensor, no_sight, tuning):
+        x, y = joint.mean[places[index]], joint.mean[places[index] + 1]
+        if seen[index] or not settled[index] or not in_clear_view(x, y, sensor, anywhere, tuning):
             continue
-        sums[KNOWN] += 1.0
-        if in_clear_view(mean[at], mean[at + 1], sensor, sight, tuning):
-            sums[MISSED] += 1.0
+        known += 1
+        if in_clear_view(x, y, sensor, sight, tuning):
+            missed += 1
+    return known, found, missed, squares

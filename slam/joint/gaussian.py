@@ -11,26 +11,24 @@ import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.estimate import LandmarkMap
-from slam.joint.association import PENDING, Gates, follow
+from slam.joint.association import Gates, associate_by_hint
 from slam.joint.atlas import AWAY
-from slam.joint.evidence import SETTLED_SCANS, TRUSTED, Evidence, Standing, weigh
+from slam.joint.evidence import CONFIDENT, SETTLED_SCANS, Confidence, Evidence, score
 from slam.joint.kernels import predict, update
-from slam.joint.measurement import FIRST_PLACE
-from slam.joint.neighbours import block, overdue, places_within
+from slam.joint.measurement import FIRST_PLACE, JointArrays
+from slam.joint.neighbours import block, places_within, update_existence
 from slam.joint.slip import associate_with_slip
 from slam.joint.state import JointState
-from slam.observations import Features, MatchVerdict
-from slam.pose import Pose2, wrap_rads
+from slam.observations import IDENTITIES_PER_SCAN, NEW, PENDING, FeatureRows
+from slam.pose import Pose2
 from slam.settings.joint import JointSettings
-from slam.settings.slam import SlamSettings
 from slam.settings.tuning import Tuning
-from slam.visibility import NO_SIGHT, sensor_pose
+from slam.visibility import NO_SIGHT, SightLine, sensor_pose, sighting_of
 
 MATCH_WIDEST_SQUARE = 13.816  # the widest gate: 99.9 % of true matches
 SLIP_SQUARE = 100.0  # gate within which an old landmark is looked for when most are not where the wheels say
 CREATE_SQUARE = 25.0  # a feature nearer than this to a landmark creates none: it may be that landmark
 CONFIRMED_LOG_ODDS = 3.0  # a landmark that leaves the view below this is forgotten: a chance point
-IDENTITIES_PER_SCAN = 4096  # as in the particles' maps, so that identities of both can be compared
 SMALLEST_VARIANCE = 1e-12  # m^2 and rad^2: keeps the published covariance positive where the map frame is defined
 SHIFTED_M = 1.0  # a jump of the pose after which far landmarks are sorted into cells anew
 
@@ -55,15 +53,11 @@ class JointGaussian:
     """Extended Kalman filter over pose and landmarks with the paper's landmark management."""
 
     def __init__(
-        self,
-        settings: JointSettings,
-        body_from_laser: Pose2,
-        tuning: Tuning | None = None,
-        variant: Variant = DECIDED,
+        self, settings: JointSettings, body_from_laser: Pose2, tuning: Tuning, variant: Variant = DECIDED
     ) -> None:
         self._variant = variant
         self._mount = body_from_laser.as_array()
-        self._tuning = SlamSettings().tuning() if tuning is None else tuning
+        self._tuning = tuning
         self._invariant = variant.jacobians == "invariant"
         self._first = variant.jacobians == "first_estimates"
         self._reach_m = self._tuning.range_max_m + self._tuning.range_margin_m
@@ -86,12 +80,6 @@ class JointGaussian:
         return np.asarray(0.5 * (covariance + covariance.T))
 
     @property
-    def odometry_constants(self) -> tuple[float, float, float]:
-        """What the wheels get wrong all along: share of distance, share of turn, rad per metre."""
-        scale, turn, curvature = (float(value) for value in self._state.mean[3:FIRST_PLACE])
-        return scale, turn, curvature
-
-    @property
     def landmark_count(self) -> int:
         """Landmarks in the map."""
         return self._state.atlas.count
@@ -105,36 +93,35 @@ class JointGaussian:
         self,
         increment_mean: FloatArray,
         increment_covariance: FloatArray,
-        features: Features,
+        features: FeatureRows,
         hints: IntArray,
-        sight: FloatArray = NO_SIGHT,
-        standing: Standing = TRUSTED,
+        sight: SightLine = NO_SIGHT,
+        confidence: Confidence = CONFIDENT,
     ) -> IntArray:
         """One scan; increment (3,) and (3, 3) since the last one in the body frame of then.
 
-        hints (K,): identities or verdicts of the best particle, for a variant. sight: the scan itself as
-        slam.kernels takes it, for what should have been seen. Returns this filter's own identities or verdicts (K,).
-        A feature that is not finite or whose covariance is not positive definite is refused, counted, and OUT_OF_RANGE.
-        standing: what the scans before said about the pose; while it is lost, nothing is written into the map.
+        hints (K,): identities or verdicts of the best particle, for a variant. sight: how far the scan looked, for what
+        should have been seen. confidence: what the scans before said about the pose; while it is lost, nothing is
+        written into the map. Returns this filter's own identities or verdicts (K,).
         """
         state = self._state
         at_rest = not (increment_covariance.any() or increment_mean.any())
+        free = at_rest or self._variant.creation == "any"
+        features = features._replace(may_create=features.may_create | free)
         self._predict(increment_mean, increment_covariance)
         state.bring_back()
-        usable = self._usable(features)
-        rows = _feature_rows(features, usable, at_rest or self._variant.creation == "any")
         sensor = sensor_pose(state.mean, self._mount)
         places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
-        chosen = self._associate(rows, features.identities[usable], hints[usable], places)
-        self.evidence = self._weigh(rows, chosen, places, sight, standing.settled_before)
+        chosen = self._associate(features, hints, places)
+        settled = self._settled(places, confidence.settled_before)
+        self.evidence = score(self._arrays, places, settled, features, chosen, sight, self._tuning)
         matched = np.flatnonzero(chosen >= 0)
-        self._update(places[chosen[matched]], rows[matched])
-        verdicts = np.full(len(features), int(MatchVerdict.OUT_OF_RANGE), dtype=np.int64)
-        verdicts[usable] = chosen
-        verdicts[usable[matched]] = state.atlas.identities[state.rows_at(places[chosen[matched]])]
-        if not standing.lost:
+        self._update(places[chosen[matched]], matched, features)
+        verdicts = chosen.copy()
+        verdicts[matched] = state.atlas.identities[state.rows_at(places[chosen[matched]])]
+        if not confidence.lost:
             self._existence(places, chosen[matched], sight)
-            self._create(rows, usable, chosen, features.identities, hints)
+            self._create(features, chosen, hints)
         state.put_away()
         self.scans += 1
         return verdicts
@@ -163,45 +150,27 @@ class JointGaussian:
         state = self._state
         predict(state.mean, state.covariance, state.size, mean, covariance, float(self._jump[0]), float(self._jump[1]))
 
-    def _usable(self, features: Features) -> IntArray:
-        c = features.covariances
-        with np.errstate(invalid="ignore"):
-            determinants = c[:, 0, 0] * c[:, 1, 1] - c[:, 0, 1] * c[:, 1, 0]
-            sane = np.isfinite(features.ranges_m) & np.isfinite(features.bearings_rad) & np.isfinite(determinants)
-            sane &= (c[:, 0, 0] > 0.0) & (determinants > 0.0) & (features.ranges_m > 0.0)
-            usable = sane & (features.ranges_m <= self._tuning.range_max_m)
-        self.refused += int((~sane).sum())
-        return np.flatnonzero(usable)[:IDENTITIES_PER_SCAN]
+    @property
+    def _arrays(self) -> JointArrays:
+        """The state as compiled code takes it."""
+        return JointArrays(self._state.mean, self._state.covariance, self._state.size, self._mount)
 
-    def _associate(self, rows: FloatArray, identities: IntArray, hints: IntArray, places: IntArray) -> IntArray:
+    def _associate(self, features: FeatureRows, hints: IntArray, places: IntArray) -> IntArray:
+        """(K,) numbers of landmarks among places (k,), or verdicts."""
         tuning, state = self._tuning, self._state
-        told = identities if (identities >= 0).any() else hints if self._variant.association == "particles" else None
-        if told is None:
-            gates = Gates(
-                tuning.match_square,
-                tuning.match_per_metre_square if tuning.density else 0.0,
-                MATCH_WIDEST_SQUARE,
-                CREATE_SQUARE,
-            )
+        reported = bool((features.identities >= 0).any())
+        if not reported and self._variant.association == "own":
+            per_metre = tuning.match_per_metre_square if tuning.density else 0.0
+            gates = Gates(tuning.match_square, per_metre, MATCH_WIDEST_SQUARE, CREATE_SQUARE, SLIP_SQUARE)
             old = self._settled(places, self.scans - SETTLED_SCANS)
-            return associate_with_slip(
-                state.mean, state.covariance, state.size, self._mount, places, old, rows, gates, SLIP_SQUARE
-            )
-        order = np.argsort(rows[:, 0], kind="stable")
+            return associate_with_slip(self._arrays, places, old, features, gates)
         mean, covariance = block(state.mean, state.covariance, places)
-        gate = tuning.match_known_square if told is identities else MATCH_WIDEST_SQUARE
-        theirs = state.atlas.identities[state.rows_at(places)]
-        chosen = np.full(len(rows), PENDING, dtype=np.int64)
-        follow(mean, covariance, self._mount, theirs, rows, order, told, gate, chosen)
+        gate = tuning.match_known_square if reported else MATCH_WIDEST_SQUARE
+        hints = features.identities if reported else hints
+        known = state.atlas.identities[state.rows_at(places)]
+        chosen = np.full(len(hints), PENDING, dtype=np.int64)
+        associate_by_hint(mean, covariance, self._mount, known, features, hints, gate, chosen)
         return chosen
-
-    def _weigh(
-        self, rows: FloatArray, chosen: IntArray, places: IntArray, sight: FloatArray, settled_before: int
-    ) -> Evidence:
-        """What the scan says about the pose, by landmarks that were confirmed and made before this scan's number."""
-        state = self._state
-        settled = self._settled(places, settled_before)
-        return weigh(state.mean, state.covariance, self._mount, places, settled, rows, chosen, sight, self._tuning)
 
     def _settled(self, places: IntArray, before: int) -> BoolArray:
         """(k,) which landmarks were made before this scan's number and are likelier real than not."""
@@ -209,7 +178,8 @@ class JointGaussian:
         settled: BoolArray = (atlas.identities[near] < before * IDENTITIES_PER_SCAN) & (atlas.log_odds[near] >= 0.0)
         return settled
 
-    def _update(self, places: IntArray, rows: FloatArray) -> None:
+    def _update(self, places: IntArray, matched: IntArray, features: FeatureRows) -> None:
+        """Fold the matched (k,) features into the landmarks at places (k,) and the pose, all at once."""
         if len(places) == 0:
             self._jump[:] = 0.0
             return
@@ -217,20 +187,20 @@ class JointGaussian:
         before = state.mean[:2].copy()
         linearised_at = state.linearised_at if self._first else state.mean.copy()
         linearised_at[:3] = state.mean[:3]
-        update(state.mean, state.covariance, linearised_at, state.size, self._mount, places, rows, self._invariant)
+        update(self._arrays, linearised_at, places, matched, features, self._invariant)
         jump = state.mean[:2] - before
         self._jump = jump if self._first else np.zeros(2)
         if math.hypot(float(jump[0]), float(jump[1])) > SHIFTED_M:
             state.sort_anew()
 
-    def _existence(self, places: IntArray, matched: IntArray, sight: FloatArray) -> None:
+    def _existence(self, places: IntArray, matched: IntArray, sight: SightLine) -> None:
         """Existence log-odds (6); removes what was missed too often, and what leaves the view unconfirmed."""
         tuning, state, atlas = self._tuning, self._state, self._state.atlas
         seen = np.zeros(len(places), dtype=np.bool_)
         seen[matched] = True
         near = state.rows_at(places)
         log_odds = atlas.log_odds[near]
-        overdue(state.mean, places, seen, log_odds, self._mount, sight, tuning)
+        update_existence(self._arrays, places, seen, log_odds, sight, tuning)
         atlas.log_odds[near] = log_odds
         if not tuning.existence:
             return
@@ -239,28 +209,10 @@ class JointGaussian:
         for number in np.flatnonzero(atlas.log_odds[state.rows] < bound)[::-1].tolist():
             state.remove(number)
 
-    def _create(
-        self, rows: FloatArray, usable: IntArray, chosen: IntArray, identities: IntArray, hints: IntArray
-    ) -> None:
-        for index in np.flatnonzero(chosen == int(MatchVerdict.NEW)).tolist():
-            feature = int(usable[index])
-            known = int(identities[feature])
+    def _create(self, features: FeatureRows, chosen: IntArray, hints: IntArray) -> None:
+        for index in np.flatnonzero(chosen == NEW).tolist():
+            known = int(features.identities[index])
             if known < 0 and self._variant.association == "particles":
-                known = int(hints[feature])
-            identity = known if known >= 0 else self.scans * IDENTITIES_PER_SCAN + feature
-            self._state.create(identity, self._tuning.log_odds_new, self._mount, rows[index])
-
-
-def _feature_rows(features: Features, usable: IntArray, free: bool) -> FloatArray:
-    """(K, 6) range, bearing, rr, rb, bb, licence; free: every feature may create a landmark."""
-    c = features.covariances[usable]
-    return np.column_stack(
-        (
-            features.ranges_m[usable],
-            wrap_rads(features.bearings_rad[usable]),
-            c[:, 0, 0],
-            0.5 * (c[:, 0, 1] + c[:, 1, 0]),
-            c[:, 1, 1],
-            features.may_create[usable] | free,
-        )
-    )
+                known = int(hints[index])
+            identity = known if known >= 0 else self.scans * IDENTITIES_PER_SCAN + int(features.numbers[index])
+            self._state.create(identity, self._tuning.log_odds_new, self._mount, sighting_of(features, index))

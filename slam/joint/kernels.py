@@ -11,7 +11,8 @@ import numpy as np
 from drivers.measurements import FloatArray, IntArray
 from slam.angles import wrapped
 from slam.compiled import kernel, leaf
-from slam.joint.measurement import FIRST_PLACE, project, slopes
+from slam.joint.measurement import FIRST_PLACE, JointArrays, project, slopes
+from slam.observations import FeatureRows, Sighting
 
 TILE = 16  # lines of 16 numbers of both triangles fit into the first cache
 
@@ -99,19 +100,18 @@ def whiten(projected: FloatArray, innovation: FloatArray, gap: FloatArray) -> No
 
 @kernel
 def update(
-    mean: FloatArray,
-    covariance: FloatArray,
+    joint: JointArrays,
     linearised_at: FloatArray,
-    n: int,
-    mount: FloatArray,
     places: IntArray,
-    features: FloatArray,
+    matched: IntArray,
+    features: FeatureRows,
     invariant: bool,
 ) -> None:
-    """All matched features of a scan at once: places (k,) of the landmarks, features (k, 6).
+    """All matched features of a scan at once: matched (k,) numbers of the features, places (k,) of their landmarks.
 
     Jacobians are taken at linearised_at (N,).
     """
+    mean, covariance, n, mount = joint
     k = places.size
     projected = np.empty((2 * k, n))
     gap = np.empty(2 * k)
@@ -121,8 +121,8 @@ def update(
         slope = slopes(linearised_at, mount, linearised_at[at], linearised_at[at + 1])
         project(covariance, at, slope, projected[2 * index : 2 * index + 2])
         here = slopes(mean, mount, mean[at], mean[at + 1])
-        gap[2 * index] = features[index, 0] - here.range_m
-        gap[2 * index + 1] = wrapped(features[index, 1] - here.bearing_rad)
+        gap[2 * index] = features.ranges_m[matched[index]] - here.range_m
+        gap[2 * index + 1] = wrapped(features.bearings_rad[matched[index]] - here.bearing_rad)
     for column in range(k):
         at = places[column]
         s = slopes(linearised_at, mount, linearised_at[at], linearised_at[at + 1])
@@ -131,9 +131,9 @@ def update(
             x, y = p[0] - p[at], p[1] - p[at + 1]
             innovation[row, 2 * column] = s.range_x * x + s.range_y * y + s.range_heading * p[2]
             innovation[row, 2 * column + 1] = s.bearing_x * x + s.bearing_y * y + s.bearing_heading * p[2]
-        innovation[2 * column, 2 * column] += features[column, 2]
-        innovation[2 * column + 1, 2 * column] += features[column, 3]
-        innovation[2 * column + 1, 2 * column + 1] += features[column, 4]
+        innovation[2 * column, 2 * column] += features.rr[matched[column]]
+        innovation[2 * column + 1, 2 * column] += features.rb[matched[column]]
+        innovation[2 * column + 1, 2 * column + 1] += features.bb[matched[column]]
     whiten(projected, innovation, gap)
     change = np.zeros(n)
     for row in range(2 * k):
@@ -232,21 +232,21 @@ def carry(covariance: FloatArray, n: int, turn: FloatArray) -> None:
 
 
 @leaf
-def append(mean: FloatArray, covariance: FloatArray, n: int, mount: FloatArray, feature: FloatArray) -> None:
-    """A new landmark at places n and n + 1 from a feature (range, bearing, rr, rb, bb, ...) and the pose."""
+def append(mean: FloatArray, covariance: FloatArray, n: int, mount: FloatArray, sighting: Sighting) -> None:
+    """A new landmark at places n and n + 1 from its first sighting and the pose."""
     cosine, sine = math.cos(mean[2]), math.sin(mean[2])
     arm_x, arm_y = cosine * mount[0] - sine * mount[1], sine * mount[0] + cosine * mount[1]
-    direction = mean[2] + mount[2] + feature[1]
+    direction = mean[2] + mount[2] + sighting.bearing_rad
     ahead_x, ahead_y = math.cos(direction), math.sin(direction)
-    away_x, away_y = arm_x + feature[0] * ahead_x, arm_y + feature[0] * ahead_y
+    away_x, away_y = arm_x + sighting.range_m * ahead_x, arm_y + sighting.range_m * ahead_y
     mean[n], mean[n + 1] = mean[0] + away_x, mean[1] + away_y
     for column in range(n):
         covariance[n, column] = covariance[0, column] - away_y * covariance[2, column]
         covariance[n + 1, column] = covariance[1, column] + away_x * covariance[2, column]
         covariance[column, n] = covariance[n, column]
         covariance[column, n + 1] = covariance[n + 1, column]
-    c, s, r = ahead_x, ahead_y, feature[0]
-    rr, rb, bb = feature[2], feature[3] * r, feature[4] * r * r
+    c, s, r = ahead_x, ahead_y, sighting.range_m
+    rr, rb, bb = sighting.rr, sighting.rb * r, sighting.bb * r * r
     xx = covariance[n, 0] - away_y * covariance[n, 2]
     xy = covariance[n, 1] + away_x * covariance[n, 2]
     yy = covariance[n + 1, 1] + away_x * covariance[n + 1, 2]

@@ -1,7 +1,7 @@
 """Range and bearing of a landmark as the joint Gaussian sees them: both uncertain, both correlated.
 
 State vector: x m, y m, heading rad of the body in the map; three constants of the odometry (see
-slam.joint_kernels.predict); then, from FIRST_PLACE on, x m, y m of one landmark after the other.
+slam.joint.kernels.predict); then, from FIRST_PLACE on, x m, y m of one landmark after the other.
 """
 
 import math
@@ -10,8 +10,20 @@ from typing import NamedTuple
 from drivers.measurements import FloatArray
 from slam.angles import wrapped
 from slam.compiled import leaf
+from slam.observations import Sighting
 
 FIRST_PLACE = 6
+
+
+class JointArrays(NamedTuple):
+    """mean (N,) and covariance (N, N) with room to grow, of which the first `size` entries are in use; mount (3,) is
+    body_from_laser.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    size: int
+    mount: FloatArray
 
 
 class Slopes(NamedTuple):
@@ -82,21 +94,21 @@ def innovation_covariance(covariance: FloatArray, at: int, slope: Slopes) -> tup
 
 @leaf
 def fold(
-    mean: FloatArray, covariance: FloatArray, at: int, slope: Slopes, feature: FloatArray, work: FloatArray
+    mean: FloatArray, covariance: FloatArray, at: int, slope: Slopes, sighting: Sighting, work: FloatArray
 ) -> None:
-    """Fold one feature (range, bearing, rr, rb, bb, ...) of the landmark at `at` into mean and covariance, in place.
+    """Fold one sighting of the landmark at `at` into mean and covariance, in place.
 
     mean (n,), covariance (n, n); work (2, n) is overwritten. The update is P - Y^T Y with Y the whitened projection, so
     P stays symmetric.
     """
     project(covariance, at, slope, work)
     s_rr, s_rb, s_bb = innovation_covariance(covariance, at, slope)
-    s_rr, s_rb, s_bb = s_rr + feature[2], s_rb + feature[3], s_bb + feature[4]
+    s_rr, s_rb, s_bb = s_rr + sighting.rr, s_rb + sighting.rb, s_bb + sighting.bb
     first = math.sqrt(s_rr)
     across = s_rb / first
     second = math.sqrt(max(s_bb - across * across, 1e-15))
-    range_gap = (feature[0] - slope.range_m) / first
-    bearing_gap = (wrapped(feature[1] - slope.bearing_rad) - across * range_gap) / second
+    range_gap = (sighting.range_m - slope.range_m) / first
+    bearing_gap = (wrapped(sighting.bearing_rad - slope.bearing_rad) - across * range_gap) / second
     size = mean.size
     for column in range(size):
         work[0, column] /= first

@@ -6,28 +6,22 @@ import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.compiled import kernel, leaf
-from slam.joint.measurement import FIRST_PLACE
+from slam.joint.measurement import FIRST_PLACE, JointArrays
 from slam.settings.tuning import Tuning
-from slam.visibility import in_clear_view, sensor_pose
+from slam.visibility import SightLine, in_clear_view, sensor_pose
 
 
 @leaf
-def overdue(
-    mean: FloatArray,
-    places: IntArray,
-    seen: BoolArray,
-    log_odds: FloatArray,
-    mount: FloatArray,
-    sight: FloatArray,
-    tuning: Tuning,
+def update_existence(
+    joint: JointArrays, places: IntArray, seen: BoolArray, log_odds: FloatArray, sight: SightLine, tuning: Tuning
 ) -> None:
-    """Existence (6): raise the log-odds (k,) of landmarks that were seen, lower those of the overdue, in place."""
-    sensor = sensor_pose(mean, mount)
+    """(6): raise the log-odds (k,) of landmarks that were seen, lower those of the overdue, in place."""
+    sensor = sensor_pose(joint.mean, joint.mount)
     for index in range(places.size):
-        at = places[index]
+        x, y = joint.mean[places[index]], joint.mean[places[index] + 1]
         if seen[index]:
             log_odds[index] = min(log_odds[index] + tuning.log_odds_seen, tuning.log_odds_max)
-        elif tuning.existence and in_clear_view(mean[at], mean[at + 1], sensor, sight, tuning):
+        elif tuning.existence and in_clear_view(x, y, sensor, sight, tuning):
             log_odds[index] -= tuning.log_odds_missed
 
 

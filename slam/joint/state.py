@@ -1,6 +1,6 @@
 """The state of the joint Gaussian: pose, constants of the odometry, and the landmarks of the window.
 
-Far landmarks leave the state as a regression on neighbours that stay (slam.joint_window) and come back by it.
+Far landmarks leave the state as a regression on neighbours that stay (window.py) and come back by it.
 """
 
 import math
@@ -12,6 +12,7 @@ from slam.joint.atlas import AWAY, PARENTS, Atlas
 from slam.joint.kernels import append, forget
 from slam.joint.measurement import FIRST_PLACE
 from slam.joint.window import ORPHAN, least_needed, nearest_places, regress, restore
+from slam.observations import Sighting
 from slam.settings.joint import JointSettings
 
 DISTANCE_SCALE_SIGMA = 0.02  # standard deviation of a constant relative error of every distance driven
@@ -62,10 +63,10 @@ class JointState:
         """Rows of the atlas of the landmarks at places (k,) of the state vector."""
         return self._rows[(places - FIRST_PLACE) // 2]
 
-    def create(self, identity: int, log_odds: float, mount: FloatArray, feature: FloatArray) -> None:
-        """A new landmark from one feature (range, bearing, rr, rb, bb, ...)."""
+    def create(self, identity: int, log_odds: float, mount: FloatArray, sighting: Sighting) -> None:
+        """A new landmark from its first sighting."""
         self._make_room()
-        append(self.mean, self.covariance, self.size, mount, feature)
+        append(self.mean, self.covariance, self.size, mount, sighting)
         self._enter(self.atlas.add(identity, log_odds, self.size))
 
     def remove(self, number: int) -> None:

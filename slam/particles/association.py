@@ -5,11 +5,13 @@ Simultaneous: the printed form, all features against the predicted pose. Known: 
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.compiled import inlined, kernel, leaf
+from slam.observations import AMBIGUOUS, EXCLUDED, NEW, PENDING, UNLICENSED, FeatureRows, Sighting
 from slam.particles.gates import (
     GATE_BLOCK,
     accepts,
@@ -17,26 +19,37 @@ from slam.particles.gates import (
     gate_columns,
     largest_variance,
     moments_of,
-    sighting_of,
 )
-from slam.particles.proposals import Moments, Sighting, fold_in, log_likelihood, squared_distance, with_noise
-from slam.settings.tuning import Proposal, Tuning
+from slam.particles.proposals import Moments, PoseBelief, fold_in, log_likelihood, squared_distance, with_noise
+from slam.settings.tuning import Strategy, Tuning
 from slam.unscented import pose_root_into
+from slam.visibility import sighting_of
 
-NEW, UNLICENSED, AMBIGUOUS, EXCLUDED, OUT_OF_RANGE = -1, -2, -3, -4, -5
-PENDING = -100
-UNSCENTED = int(Proposal.UNSCENTED)
+SEQUENTIAL, KNOWN = int(Strategy.SEQUENTIAL), int(Strategy.KNOWN)
+
+
+class Candidates(NamedTuple):
+    """One particle's landmarks that may be in view: landmarks (C, 6), identities (C,), columns as `gate_columns` makes
+    them, and used (C,): which of them a feature has taken.
+    """
+
+    landmarks: FloatArray
+    identities: IntArray
+    columns: FloatArray
+    used: BoolArray
+
+
+@kernel
+def candidates_of(landmarks: FloatArray, identities: IntArray) -> Candidates:
+    """Candidates of which none is taken."""
+    return Candidates(landmarks, identities, gate_columns(landmarks), np.zeros(landmarks.shape[0], dtype=np.bool_))
 
 
 @inlined
 def best_landmark(
-    pose: FloatArray,
-    covariance: FloatArray,
-    root: FloatArray,
+    belief: PoseBelief,
     mount: FloatArray,
-    candidates: FloatArray,
-    columns: FloatArray,
-    used: BoolArray,
+    candidates: Candidates,
     sighting: Sighting,
     direction: tuple[float, float],
     tuning: Tuning,
@@ -46,22 +59,23 @@ def best_landmark(
     likeliest and the least squared distance; and how many likelihoods that took. -1 stands for none. direction:
     unit vector from the sensor to the feature, in the body's axes.
     """
+    pose, landmarks = belief.pose, candidates.landmarks
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     ahead, left = mount[0] + sighting.range_m * direction[0], mount[1] + sighting.range_m * direction[1]
     x, y = pose[0] + cosine * ahead - sine * left, pose[1] + sine * ahead + cosine * left
-    variance = largest_variance(covariance, sighting)
+    variance = largest_variance(belief.covariance, sighting)
     free, free_distance, free_log = -1, math.inf, -math.inf
     free_moments = Moments(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     likeliest, likeliest_log, least, evaluated = -1, -math.inf, math.inf, 0
-    for first in range(0, candidates.shape[0], GATE_BLOCK):
-        if tuning.range_gate and all_outside(columns, first, x, y, variance, bound):
+    for first in range(0, landmarks.shape[0], GATE_BLOCK):
+        if tuning.range_gate and all_outside(candidates.columns, first, x, y, variance, bound):
             continue
-        for index in range(first, min(first + GATE_BLOCK, candidates.shape[0])):
+        for index in range(first, min(first + GATE_BLOCK, landmarks.shape[0])):
             if tuning.range_gate:
-                dx, dy = candidates[index, 0] - x, candidates[index, 1] - y
-                if dx * dx + dy * dy > bound * (variance + candidates[index, 2] + candidates[index, 4]):
+                dx, dy = landmarks[index, 0] - x, landmarks[index, 1] - y
+                if dx * dx + dy * dy > bound * (variance + landmarks[index, 2] + landmarks[index, 4]):
                     continue
-            moments = moments_of(pose, covariance, root, mount, candidates[index], sighting, tuning)
+            moments = moments_of(belief, mount, landmarks[index], sighting, tuning)
             evaluated += 1
             distance = squared_distance(moments, sighting)
             if not distance < math.inf:
@@ -70,7 +84,7 @@ def best_landmark(
             least = min(least, distance)
             if log > likeliest_log:
                 likeliest, likeliest_log = index, log
-            if not used[index] and log > free_log:
+            if not candidates.used[index] and log > free_log:
                 free, free_log, free_distance, free_moments = index, log, distance, moments
     return free, free_distance, free_moments, likeliest, least, evaluated
 
@@ -85,60 +99,52 @@ def verdict_without_match(licensed: bool, least: float, excluded: bool, tuning: 
 
 @kernel
 def associate_sequentially(
-    pose: FloatArray,
-    covariance: FloatArray,
+    belief: PoseBelief,
     mount: FloatArray,
-    candidates: FloatArray,
-    features: FloatArray,
-    order: IntArray,
+    candidates: Candidates,
+    features: FeatureRows,
     tuning: Tuning,
     chosen: IntArray,
 ) -> tuple[float, int]:
-    """Fill chosen (K,) with candidate indices or verdicts; pose and covariance follow match by match, in place.
+    """Fill chosen (K,) with numbers of candidates or verdicts; the pose follows match by match.
 
     When another open feature fits the landmark better than the one at hand, that one goes first: the best keeps it.
     Returns the log weight of this particle's step and the number of likelihoods.
     """
-    used = np.zeros(candidates.shape[0], dtype=np.bool_)
-    columns = gate_columns(candidates)
+    landmarks, used = candidates.landmarks, candidates.used
     widest = max(tuning.match_widest_square, tuning.create_square) if tuning.density else tuning.match_fixed_square
     log_weight, evaluated = 0.0, 0
     chosen[:] = PENDING
-    root = np.empty((3, 3))
-    pose_root_into(covariance, root)
+    pose_root_into(belief.covariance, belief.root)
     largest_rr = 0.0
-    for feature in range(order.size):
-        largest_rr = max(largest_rr, features[feature, 2])
-    for position in range(order.size):
-        feature = order[position]
+    for feature in range(features.order.size):
+        largest_rr = max(largest_rr, features.rr[feature])
+    for position in range(features.order.size):
+        feature = features.order[position]
         while chosen[feature] == PENDING:
             sighting = sighting_of(features, feature)
             free, distance, moments, likeliest, least, looked = best_landmark(
-                pose,
-                covariance,
-                root,
+                belief,
                 mount,
                 candidates,
-                columns,
-                used,
                 sighting,
-                (features[feature, 6], features[feature, 7]),
+                (features.ahead[feature], features.left[feature]),
                 tuning,
                 widest,
             )
             evaluated += looked
-            if free < 0 or not accepts(distance, candidates, free, tuning):
-                excluded = likeliest >= 0 and used[likeliest] and accepts(least, candidates, likeliest, tuning)
-                chosen[feature] = verdict_without_match(features[feature, 5] > 0.0, least, excluded, tuning)
+            if free < 0 or not accepts(distance, landmarks, free, tuning):
+                excluded = likeliest >= 0 and used[likeliest] and accepts(least, landmarks, likeliest, tuning)
+                chosen[feature] = verdict_without_match(features.may_create[feature], least, excluded, tuning)
                 log_weight += tuning.log_unmatched
                 break
             taker = feature
-            for later in range(position + 1, order.size):
-                rival = order[later]
-                gap = abs(features[rival, 0] - features[feature, 0])
+            for later in range(position + 1, features.order.size):
+                rival = features.order[later]
+                gap = abs(features.ranges_m[rival] - features.ranges_m[feature])
                 if gap * gap >= widest * 4.0 * (sighting.rr + largest_rr) + 1.0:
                     break  # the others are farther still
-                if chosen[rival] == PENDING and gap * gap < widest * 4.0 * (sighting.rr + features[rival, 2]) + 1.0:
+                if chosen[rival] == PENDING and gap * gap < widest * 4.0 * (sighting.rr + features.rr[rival]) + 1.0:
                     claim = sighting_of(features, rival)
                     rival_distance = squared_distance(with_noise(moments, sighting, claim), claim)
                     if rival_distance < distance:
@@ -146,8 +152,8 @@ def associate_sequentially(
             winner = sighting_of(features, taker)
             moments = with_noise(moments, sighting, winner)
             log_weight += log_likelihood(moments, squared_distance(moments, winner))
-            fold_in(pose, covariance, moments, winner)
-            pose_root_into(covariance, root)
+            fold_in(belief, moments, winner)
+            pose_root_into(belief.covariance, belief.root)
             chosen[taker] = free
             used[free] = True
     return log_weight, evaluated
@@ -155,40 +161,36 @@ def associate_sequentially(
 
 @kernel
 def fold_all(
-    pose: FloatArray,
-    covariance: FloatArray,
+    belief: PoseBelief,
     mount: FloatArray,
-    candidates: FloatArray,
-    features: FloatArray,
-    order: IntArray,
+    candidates: Candidates,
+    features: FeatureRows,
     tuning: Tuning,
     chosen: IntArray,
 ) -> float:
     """Fold matches that are already decided into the pose, new sigma points for each; returns the log weight."""
     log_weight = 0.0
-    root = np.empty((3, 3))
-    for position in range(order.size):
-        feature = order[position]
+    for position in range(features.order.size):
+        feature = features.order[position]
         if chosen[feature] < 0:
-            log_weight += tuning.log_unmatched if chosen[feature] != OUT_OF_RANGE else 0.0
+            log_weight += tuning.log_unmatched
             continue
         sighting = sighting_of(features, feature)
-        pose_root_into(covariance, root)
-        moments = moments_of(pose, covariance, root, mount, candidates[chosen[feature]], sighting, tuning)
+        pose_root_into(belief.covariance, belief.root)
+        moments = moments_of(belief, mount, candidates.landmarks[chosen[feature]], sighting, tuning)
         distance = squared_distance(moments, sighting)
         if distance < math.inf:
             log_weight += log_likelihood(moments, distance)
-            fold_in(pose, covariance, moments, sighting)
+            fold_in(belief, moments, sighting)
     return log_weight
 
 
 @kernel
 def associate_simultaneously(
-    pose: FloatArray,
-    covariance: FloatArray,
+    belief: PoseBelief,
     mount: FloatArray,
-    candidates: FloatArray,
-    features: FloatArray,
+    candidates: Candidates,
+    features: FeatureRows,
     tuning: Tuning,
     chosen: IntArray,
 ) -> int:
@@ -197,66 +199,77 @@ def associate_simultaneously(
     With exclusivity the likeliest claim keeps a landmark and the other features count as new. Fills chosen (K,),
     returns the number of likelihoods.
     """
-    count = features.shape[0]
-    used = np.zeros(candidates.shape[0], dtype=np.bool_)
-    columns = gate_columns(candidates)
+    count = features.ranges_m.size
     distances = np.empty(count)
     widest = max(tuning.match_widest_square, tuning.create_square) if tuning.density else tuning.match_fixed_square
-    root = np.empty((3, 3))
-    pose_root_into(covariance, root)
+    pose_root_into(belief.covariance, belief.root)
     evaluated = 0
     for feature in range(count):
         free, distance, _, _, least, looked = best_landmark(
-            pose,
-            covariance,
-            root,
+            belief,
             mount,
             candidates,
-            columns,
-            used,
             sighting_of(features, feature),
-            (features[feature, 6], features[feature, 7]),
+            (features.ahead[feature], features.left[feature]),
             tuning,
             widest,
         )
         evaluated += looked
         distances[feature] = distance
-        if free >= 0 and accepts(distance, candidates, free, tuning):
+        if free >= 0 and accepts(distance, candidates.landmarks, free, tuning):
             chosen[feature] = free
         else:
-            chosen[feature] = verdict_without_match(features[feature, 5] > 0.0, least, False, tuning)
+            chosen[feature] = verdict_without_match(features.may_create[feature], least, False, tuning)
     if tuning.exclusivity:
         for feature in range(count):
             for rival in range(count):
                 if rival != feature and chosen[feature] >= 0 and chosen[rival] == chosen[feature]:
                     loser = rival if distances[feature] <= distances[rival] else feature
-                    chosen[loser] = verdict_without_match(features[loser, 5] > 0.0, distances[loser], True, tuning)
+                    chosen[loser] = verdict_without_match(features.may_create[loser], distances[loser], True, tuning)
     return evaluated
 
 
 @kernel
 def associate_by_identity(
-    pose: FloatArray,
-    covariance: FloatArray,
+    belief: PoseBelief,
     mount: FloatArray,
-    candidates: FloatArray,
-    identities: IntArray,
-    features: FloatArray,
-    feature_identities: IntArray,
+    candidates: Candidates,
+    features: FeatureRows,
     tuning: Tuning,
     chosen: IntArray,
 ) -> int:
     """Match equal identities inside a wide gate; a feature without identity is left alone. Returns the likelihoods."""
-    root = np.empty((3, 3))
-    pose_root_into(covariance, root)
+    pose_root_into(belief.covariance, belief.root)
     evaluated = 0
-    for feature in range(features.shape[0]):
-        chosen[feature] = NEW if feature_identities[feature] >= 0 else UNLICENSED
-        for index in range(candidates.shape[0]):
-            if feature_identities[feature] >= 0 and identities[index] == feature_identities[feature]:
+    for feature in range(features.ranges_m.size):
+        chosen[feature] = NEW if features.identities[feature] >= 0 else UNLICENSED
+        for index in range(candidates.identities.size):
+            if features.identities[feature] >= 0 and candidates.identities[index] == features.identities[feature]:
                 sighting = sighting_of(features, feature)
-                moments = moments_of(pose, covariance, root, mount, candidates[index], sighting, tuning)
+                moments = moments_of(belief, mount, candidates.landmarks[index], sighting, tuning)
                 evaluated += 1
                 matches = squared_distance(moments, sighting) <= tuning.match_known_square
                 chosen[feature] = index if matches else AMBIGUOUS
     return evaluated
+
+
+@kernel
+def associate(
+    belief: PoseBelief,
+    mount: FloatArray,
+    candidates: Candidates,
+    features: FeatureRows,
+    tuning: Tuning,
+    chosen: IntArray,
+) -> tuple[float, int]:
+    """Fill chosen (K,) by the strategy in force and fold every match into the pose, in place.
+
+    Returns the log weight of this particle's step and the number of likelihoods.
+    """
+    if tuning.strategy == SEQUENTIAL:
+        return associate_sequentially(belief, mount, candidates, features, tuning, chosen)
+    if tuning.strategy == KNOWN:
+        evaluated = associate_by_identity(belief, mount, candidates, features, tuning, chosen)
+    else:
+        evaluated = associate_simultaneously(belief, mount, candidates, features, tuning, chosen)
+    return fold_all(belief, mount, candidates, features, tuning, chosen), evaluated

@@ -5,24 +5,32 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
-from slam.observations import Features, MatchVerdict
+from slam.observations import IDENTITIES_PER_SCAN, FeatureRows
 from slam.odometry.odometry import Increment
 from slam.particles.resampling import adopt_maps, effective_particles, normalised, parents_in_place, systematic_copies
-from slam.particles.step import CREATED, LIKELIHOODS, REMOVED, SHARED_NEEDED, TALLIES, landmarks_near, step_particles
+from slam.particles.step import (
+    CREATED,
+    LIKELIHOODS,
+    REMOVED,
+    SHARED_NEEDED,
+    TALLIES,
+    ScanInput,
+    StepResult,
+    landmarks_near,
+    step_particles,
+)
 from slam.particles.store import LandmarkStore
 from slam.pose import Pose2, wrap_rad, wrap_rads
 from slam.settings.slam import SlamSettings
 from slam.settings.tuning import Strategy
-from slam.visibility import NO_SIGHT
-
-IDENTITIES_PER_SCAN = 4096
+from slam.visibility import NO_SIGHT, SightLine
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanOutcome:
     """What one scan did.
 
-    matches (K,): of the best particle, identity or MatchVerdict. effective: particles before resampling.
+    matches (K,): identity or MatchVerdict of each feature in the best particle. effective: particles before resampling.
     """
 
     matches: IntArray
@@ -49,16 +57,19 @@ class FastSlam:
         self.best = 0
         self.scans = 0
 
-    def step(self, increment: Increment, features: Features, sight: FloatArray = NO_SIGHT) -> ScanOutcome:
-        """One scan: predict, associate, sample, weight, update and existence in every particle, then resample."""
-        usable = self._usable(features)
-        rows = feature_rows(features, usable, increment.at_rest, float(self._mount[2]))
+    def step(self, increment: Increment, features: FeatureRows, sight: SightLine = NO_SIGHT) -> ScanOutcome:
+        """One scan: predict, associate, sample, weight, update and existence in every particle, then resample.
+
+        While standing still every feature may create a landmark.
+        """
+        features = features._replace(may_create=features.may_create | increment.at_rest)
         normals = self._generator.standard_normal((len(self.poses), 3))
-        matches, tallies = self._fold(increment, rows, features.identities[usable], usable, normals, sight)
+        names = self._names(features)
+        matches, tallies = self._step_all(
+            ScanInput(increment.mean, increment.covariance, normals, self._mount, features, names, sight)
+        )
         self.weights = normalised(self.log_weights)
         self.best = int(np.argmax(self.weights))
-        outcome_matches = np.full(len(features), int(MatchVerdict.OUT_OF_RANGE), dtype=np.int64)
-        outcome_matches[usable] = matches[self.best]
         effective = effective_particles(self.weights)
         resampled = effective < self._settings.resample_share * len(self.poses)
         if resampled:
@@ -68,7 +79,7 @@ class FastSlam:
         self.scans += 1
         share = 1.0 / len(self.poses)
         return ScanOutcome(
-            outcome_matches,
+            matches[self.best].copy(),
             effective,
             resampled,
             int(tallies[LIKELIHOODS]),
@@ -86,57 +97,25 @@ class FastSlam:
         view = self._settings.view
         return landmarks_near(self.store.pages, self.best, self.store.cell_m, x, y, view.range_max_m)
 
-    def _usable(self, features: Features) -> IntArray:
-        """Indices of features that are finite, within range, and have a positive definite covariance."""
-        c = features.covariances
-        determinants = c[:, 0, 0] * c[:, 1, 1] - c[:, 0, 1] * c[:, 1, 0]
-        finite = np.isfinite(features.ranges_m) & np.isfinite(features.bearings_rad) & np.isfinite(determinants)
-        with np.errstate(invalid="ignore"):
-            definite = (c[:, 0, 0] > 0.0) & (determinants > 0.0)
-            near = (features.ranges_m > 0.0) & (features.ranges_m <= self._settings.view.range_max_m)
-        return np.flatnonzero(finite & definite & near)[:IDENTITIES_PER_SCAN]
-
-    def _fold(
-        self,
-        increment: Increment,
-        rows: FloatArray,
-        identities: IntArray,
-        indices: IntArray,
-        normals: FloatArray,
-        sight: FloatArray,
-    ) -> tuple[IntArray, IntArray]:
-        """Run the compiled step over all particles, enlarging the store where it asks for it."""
-        matches = np.empty((len(self.poses), len(rows)), dtype=np.int64)
-        tallies = np.zeros(TALLIES, dtype=np.int64)
-        order = np.argsort(rows[:, 0], kind="stable")
-        self.store.cover(self.poses, self._settings.view.range_max_m + float(np.abs(increment.mean[:2]).sum()))
+    def _names(self, features: FeatureRows) -> IntArray:
+        """(K,) identities of the landmarks that the features may create."""
         known = self._tuning.strategy == Strategy.KNOWN
-        new_identities = identities if known else self.scans * IDENTITIES_PER_SCAN + indices
+        return features.identities if known else self.scans * IDENTITIES_PER_SCAN + features.numbers
+
+    def _step_all(self, scan: ScanInput) -> tuple[IntArray, IntArray]:
+        """Run the compiled step over all particles, enlarging the store where it asks for it; matches and tallies."""
+        count = scan.features.ranges_m.size
+        matches = np.empty((len(self.poses), count), dtype=np.int64)
+        result = StepResult(self.log_weights, matches, np.zeros(TALLIES, dtype=np.int64))
+        self.store.cover(self.poses, self._settings.view.range_max_m + float(np.abs(scan.increment[:2]).sum()))
         self.poses = self.poses.copy()  # the estimate of the scan before still shows the old ones
         done = 0
         while done < len(self.poses):
-            done = step_particles(
-                self.store.pages,
-                self.poses,
-                self.log_weights,
-                done,
-                increment.mean,
-                increment.covariance,
-                normals,
-                self._mount,
-                rows,
-                identities,
-                order,
-                sight,
-                self._tuning,
-                new_identities,
-                matches,
-                tallies,
-            )
+            done = step_particles(self.store.pages, self.poses, done, scan, self._tuning, result)
             if done < len(self.poses):
-                self.store.grow(len(rows), int(tallies[SHARED_NEEDED]))
+                self.store.grow(count, int(result.tallies[SHARED_NEEDED]))
         self.weighted_poses = self.poses
-        return matches, tallies
+        return matches, result.tallies
 
     def _resample(self) -> None:
         """Systematic: survivors stay in their place, the others take over a survivor's pose and map."""
@@ -145,25 +124,6 @@ class FastSlam:
         adopt_maps(self.store.pages, parents)
         self.poses = self.poses[parents]
         self.log_weights = np.zeros(len(self.poses))
-
-
-def feature_rows(features: Features, usable: IntArray, at_rest: bool, mount_yaw_rad: float) -> FloatArray:
-    """Features as rows (K, 8) for the kernels; while standing still every feature may create a landmark."""
-    covariances = features.covariances[usable]
-    licensed = features.may_create[usable] | at_rest
-    bearings = wrap_rads(features.bearings_rad[usable])
-    return np.column_stack(
-        (
-            features.ranges_m[usable],
-            bearings,
-            covariances[:, 0, 0],
-            0.5 * (covariances[:, 0, 1] + covariances[:, 1, 0]),
-            covariances[:, 1, 1],
-            licensed,
-            np.cos(bearings + mount_yaw_rad),
-            np.sin(bearings + mount_yaw_rad),
-        )
-    )
 
 
 def weighted_mean(poses: FloatArray, weights: FloatArray) -> tuple[Pose2, FloatArray]:

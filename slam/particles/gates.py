@@ -6,33 +6,20 @@ import numpy as np
 
 from drivers.measurements import FloatArray
 from slam.compiled import inlined, kernel, leaf
-from slam.particles.proposals import Moments, Sighting, linearised_moments, unscented_moments
+from slam.observations import Sighting
+from slam.particles.proposals import Moments, PoseBelief, linearised_moments, unscented_moments
 from slam.settings.tuning import Proposal, Tuning
 
 UNSCENTED = int(Proposal.UNSCENTED)
 GATE_BLOCK = 16  # candidates that pass the gate together, a few instructions for all of them
 
 
-@leaf
-def sighting_of(features: FloatArray, index: int) -> Sighting:
-    """Feature `index` of the rows of slam.kernels."""
-    return Sighting(features[index, 0], features[index, 1], features[index, 2], features[index, 3], features[index, 4])
-
-
 @inlined
-def moments_of(
-    pose: FloatArray,
-    covariance: FloatArray,
-    root: FloatArray,
-    mount: FloatArray,
-    landmark: FloatArray,
-    noise: Sighting,
-    tuning: Tuning,
-) -> Moments:
+def moments_of(belief: PoseBelief, mount: FloatArray, landmark: FloatArray, noise: Sighting, tuning: Tuning) -> Moments:
     """What the proposal in force predicts for one landmark."""
     if tuning.proposal == UNSCENTED:
-        return unscented_moments(pose, root, mount, landmark, noise, tuning.joint_weights, tuning.spread)
-    return linearised_moments(pose, covariance, mount, landmark, noise)
+        return unscented_moments(belief, mount, landmark, noise, tuning.joint_weights, tuning.spread)
+    return linearised_moments(belief, mount, landmark, noise)
 
 
 @inlined

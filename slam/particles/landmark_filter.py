@@ -5,7 +5,8 @@ import math
 from drivers.measurements import FloatArray
 from slam.angles import angle_between, cosine_sine, wrapped
 from slam.compiled import leaf
-from slam.particles.proposals import Sighting, landmark_root
+from slam.observations import Sighting
+from slam.particles.proposals import landmark_root
 from slam.settings.sigma_points import UnscentedWeights
 
 

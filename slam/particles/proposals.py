@@ -11,18 +11,19 @@ from typing import NamedTuple
 from drivers.measurements import FloatArray
 from slam.angles import angle_between, cosine_sine, half_turn, wrapped
 from slam.compiled import inlined, leaf
+from slam.observations import Sighting
 from slam.settings.sigma_points import UnscentedWeights
 
 
-# what the sensor says of one thing: range m, bearing rad, and the covariance rr, rb, bb of both
-class Sighting(NamedTuple):
-    """One feature: range m, bearing rad, covariance m^2, m rad, rad^2."""
+class PoseBelief(NamedTuple):
+    """Where a particle takes itself to be: pose (3,), covariance (3, 3) and the lower square root of that (3, 3).
 
-    range_m: float
-    bearing_rad: float
-    rr: float
-    rb: float
-    bb: float
+    Overwritten match by match.
+    """
+
+    pose: FloatArray
+    covariance: FloatArray
+    root: FloatArray
 
 
 class Moments(NamedTuple):
@@ -46,10 +47,9 @@ class Moments(NamedTuple):
 
 
 @leaf
-def linearised_moments(
-    pose: FloatArray, covariance: FloatArray, mount: FloatArray, landmark: FloatArray, noise: Sighting
-) -> Moments:
-    """By Jacobians (EKF, equation (3)): pose (3,), covariance (3, 3), mount (3,) of the sensor, landmark (6,)."""
+def linearised_moments(belief: PoseBelief, mount: FloatArray, landmark: FloatArray, noise: Sighting) -> Moments:
+    """By Jacobians (EKF, equation (3)): mount (3,) of the sensor, landmark (6,)."""
+    pose, p = belief.pose, belief.covariance
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     arm_x, arm_y = cosine * mount[0] - sine * mount[1], sine * mount[0] + cosine * mount[1]
     dx, dy = landmark[0] - pose[0] - arm_x, landmark[1] - pose[1] - arm_y
@@ -58,7 +58,6 @@ def linearised_moments(
     # derivatives of range and bearing: by the landmark (l), by the heading (h); by the position they are -l
     rl_x, rl_y, bl_x, bl_y = dx / distance, dy / distance, -dy / square, dx / square
     rh, bh = rl_x * arm_y - rl_y * arm_x, bl_x * arm_y - bl_y * arm_x - 1.0
-    p = covariance
     x_r = -p[0, 0] * rl_x - p[0, 1] * rl_y + p[0, 2] * rh
     y_r = -p[1, 0] * rl_x - p[1, 1] * rl_y + p[1, 2] * rh
     h_r = -p[2, 0] * rl_x - p[2, 1] * rl_y + p[2, 2] * rh
@@ -86,20 +85,20 @@ def linearised_moments(
 
 @inlined
 def unscented_moments(
-    pose: FloatArray,
-    root: FloatArray,
+    belief: PoseBelief,
     mount: FloatArray,
     landmark: FloatArray,
     noise: Sighting,
     weights: UnscentedWeights,
     spread: float,
 ) -> Moments:
-    """By 11 sigma points of (pose, landmark), n = 5: root (3, 3) is the lower square root of the pose covariance.
+    """By 11 sigma points of (pose, landmark), n = 5.
 
     All deviations e_i are taken from the centre's own image, so that bearings wrap about it. With s = w sum e_i the
     mean is s and S = w sum e_i e_i^T + spread s s^T, spread = beta - alpha^2: that is what the centre's two weights
     (8) leave over.
     """
+    pose, root = belief.pose, belief.root
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = landmark[0] - pose[0], landmark[1] - pose[1]
     # the landmark in the body frame, and as seen from the sensor with axes parallel to the body's
@@ -207,8 +206,11 @@ def log_likelihood(moments: Moments, distance: float) -> float:
 
 
 @inlined
-def fold_in(pose: FloatArray, covariance: FloatArray, moments: Moments, sighting: Sighting) -> None:
-    """One landmark moves pose (3,) and covariance (3, 3), both in place: K = C S^-1, x += K nu, P -= K S K^T."""
+def fold_in(belief: PoseBelief, moments: Moments, sighting: Sighting) -> None:
+    """One landmark moves pose and covariance, both in place: K = C S^-1, x += K nu, P -= K S K^T. The root does not
+    follow.
+    """
+    pose, covariance = belief.pose, belief.covariance
     determinant = moments.rr * moments.bb - moments.rb * moments.rb
     i_rr, i_rb, i_bb = moments.bb / determinant, -moments.rb / determinant, moments.rr / determinant
     r = sighting.range_m - moments.range_m

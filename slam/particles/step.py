@@ -1,11 +1,7 @@
-"""One scan in all particles: predict, associate, sample, weight, update, existence; compiled as one loop.
-
-Features come as rows (K, 8): range m, bearing rad, covariance rr, rb, bb, 1 where a new landmark is licensed, and the
-unit vector towards the feature in the body's axes. The sight line is the scan itself, (3 + N,): first bearing, bearing
-step, range of no return, then N ranges; N = 0 where there is no scan.
-"""
+"""One scan in all particles: predict, associate, sample, weight, update, existence; compiled as one loop."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +9,8 @@ from numpy.typing import NDArray
 from drivers.measurements import FloatArray, IntArray
 from slam.angles import wrapped
 from slam.compiled import kernel, leaf
-from slam.particles.association import (
-    NEW,
-    associate_by_identity,
-    associate_sequentially,
-    associate_simultaneously,
-    fold_all,
-)
-from slam.particles.gates import sighting_of
+from slam.observations import NEW, FeatureRows
+from slam.particles.association import KNOWN, associate, candidates_of
 from slam.particles.gather import gather, write_back
 from slam.particles.landmark_filter import new_landmark, update_landmark
 from slam.particles.pages import (
@@ -36,16 +26,40 @@ from slam.particles.pages import (
     remove_below,
     slots_near,
 )
-from slam.settings.tuning import Proposal, Strategy, Tuning
+from slam.particles.proposals import PoseBelief
+from slam.settings.tuning import Proposal, Tuning
 from slam.unscented import square_root_into
-from slam.visibility import in_clear_view, sensor_pose
+from slam.visibility import SightLine, in_clear_view, sensor_pose, sighting_of
 
 ShortArray = NDArray[np.int32]
 
 MOTION, UNSCENTED = int(Proposal.MOTION), int(Proposal.UNSCENTED)
-SEQUENTIAL, KNOWN = int(Strategy.SEQUENTIAL), int(Strategy.KNOWN)
 LIKELIHOODS, CREATED, REMOVED, MATCHED, SHARED_NEEDED = 0, 1, 2, 3, 4
 TALLIES = 5
+
+
+class ScanInput(NamedTuple):
+    """One scan as every particle is told of it.
+
+    increment (3,) and increment_covariance (3, 3) since the last scan; normals (M, 3) to sample with; mount (3,) of the
+    sensor on the body; new_identities (K,): names of the landmarks that these features may create.
+    """
+
+    increment: FloatArray
+    increment_covariance: FloatArray
+    normals: FloatArray
+    mount: FloatArray
+    features: FeatureRows
+    new_identities: IntArray
+    sight: SightLine
+
+
+class StepResult(NamedTuple):
+    """What a step fills in: log_weights (M,) are added to; matches (M, K) identity or verdict; tallies (5,)."""
+
+    log_weights: FloatArray
+    matches: IntArray
+    tallies: IntArray
 
 
 @leaf
@@ -67,11 +81,11 @@ def predict(pose: FloatArray, covariance: FloatArray, increment: FloatArray, inc
     covariance[1, 0], covariance[2, 0], covariance[2, 1] = covariance[0, 1], covariance[0, 2], covariance[1, 2]
 
 
-@kernel
-def sample(pose: FloatArray, covariance: FloatArray, normals: FloatArray) -> None:
-    """Draw from N(pose, covariance) in place with three standard normal numbers."""
-    root = np.empty((3, 3))
-    square_root_into(covariance, root)
+@leaf
+def sample(belief: PoseBelief, normals: FloatArray) -> None:
+    """Draw the pose from N(pose, covariance) in place with three standard normal numbers; the root is overwritten."""
+    pose, root = belief.pose, belief.root
+    square_root_into(belief.covariance, root)
     for row in range(3):
         for column in range(row + 1):
             pose[row] += root[row, column] * normals[column]
@@ -93,17 +107,15 @@ def landmarks_near(
 def update_matches(
     candidates: FloatArray,
     sensor: tuple[float, float, float],
-    features: FloatArray,
-    order: IntArray,
+    features: FeatureRows,
     chosen: IntArray,
-    linear: bool,
     tuning: Tuning,
     changed: NDArray[np.bool_],
 ) -> int:
     """Fold every matched feature into its landmark and raise that one's log-odds; returns how many matched."""
-    matched = 0
-    for position in range(order.size):
-        feature = order[position]
+    matched, linear = 0, tuning.proposal != UNSCENTED
+    for position in range(features.order.size):
+        feature = features.order[position]
         landmark = chosen[feature]
         if landmark >= 0:
             sighting = sighting_of(features, feature)
@@ -119,7 +131,7 @@ def update_matches(
 def lower_missed(
     candidates: FloatArray,
     sensor: tuple[float, float, float],
-    sight: FloatArray,
+    sight: SightLine,
     tuning: Tuning,
     changed: NDArray[np.bool_],
 ) -> bool:
@@ -133,95 +145,88 @@ def lower_missed(
     return doomed
 
 
+@leaf
+def create_landmarks(
+    pages: Pages,
+    particle: int,
+    sensor: tuple[float, float, float],
+    scan: ScanInput,
+    chosen: IntArray,
+    tuning: Tuning,
+    fresh: FloatArray,
+) -> int:
+    """A landmark of every feature that is NEW; fresh (6,) is overwritten. Returns how many."""
+    created, linear = 0, tuning.proposal != UNSCENTED
+    for feature in range(chosen.size):
+        if chosen[feature] == NEW:
+            sighting = sighting_of(scan.features, feature)
+            new_landmark(fresh, sensor, sighting, tuning.single_weights, tuning.spread, linear)
+            fresh[LOG_ODDS] = tuning.log_odds_new
+            append(pages, particle, tuning.cell_m, fresh, scan.new_identities[feature])
+            created += 1
+    return created
+
+
+@leaf
+def prune(pages: Pages, particle: int, slots: ShortArray, slot_count: int, log_odds: float) -> int:
+    """Remove this particle's landmarks in the slots whose log-odds are below the bound; returns how many."""
+    removed = 0
+    for index in range(slot_count):
+        if pages.table[particle, slots[index]] != NONE:
+            removed += remove_below(pages, particle, slots[index], log_odds)
+    return removed
+
+
 @kernel
 def step_particles(
-    pages: Pages,
-    poses: FloatArray,
-    log_weights: FloatArray,
-    first: int,
-    increment: FloatArray,
-    increment_covariance: FloatArray,
-    normals: FloatArray,
-    mount: FloatArray,
-    features: FloatArray,
-    feature_identities: IntArray,
-    order: IntArray,
-    sight: FloatArray,
-    tuning: Tuning,
-    new_identities: IntArray,
-    matches: IntArray,
-    tallies: IntArray,
+    pages: Pages, poses: FloatArray, first: int, scan: ScanInput, tuning: Tuning, result: StepResult
 ) -> int:
-    """Step particles first .. M-1 by one scan; everything is changed in place.
+    """Step particles first .. M-1, poses (M, 3), by one scan; everything is changed in place.
 
-    poses (M, 3), log_weights (M,), normals (M, 3), mount (3,), matches (M, K) landmark identity or verdict, tallies
-    (5,). order (K,): features by range, nearest first. new_identities (K,): names of landmarks that these features
-    may create. Returns M, or the particle that found too little free room in `pages`: enlarge them by tallies[4] and
-    go on there.
+    Returns M, or the particle that found too little free room in `pages`: enlarge them by
+    tallies[SHARED_NEEDED] and go on there.
     """
-    count = features.shape[0]
+    features, mount, tallies = scan.features, scan.mount, result.tallies
+    count = features.ranges_m.size
     slots = np.empty(max(pages.tally[USED_SLOTS], 1), dtype=np.int32)
     chosen = np.empty(count, dtype=np.int64)
-    covariance = np.empty((3, 3))
     fresh = np.empty(FIELDS)
-    linear = tuning.proposal != UNSCENTED
+    radius = -1.0
+    if tuning.range_gate and tuning.strategy != KNOWN:
+        radius = tuning.range_max_m + tuning.range_margin_m
     for particle in range(first, poses.shape[0]):
         if pages.tally[USED_SLOTS] > slots.size:
             slots = np.empty(pages.tally[USED_SLOTS], dtype=np.int32)
-        pose = poses[particle].copy()
-        predict(pose, covariance, increment, increment_covariance)
+        belief = PoseBelief(poses[particle].copy(), np.empty((3, 3)), np.empty((3, 3)))
+        predict(belief.pose, belief.covariance, scan.increment, scan.increment_covariance)
         if tuning.proposal == MOTION:
-            sample(pose, covariance, normals[particle])
-            covariance[:] = 0.0
-        sensor = sensor_pose(pose, mount)
-        radius = -1.0
-        if tuning.range_gate and tuning.strategy != KNOWN:
-            radius = tuning.range_max_m + tuning.range_margin_m
+            sample(belief, scan.normals[particle])
+            belief.covariance[:] = 0.0
+
+        sensor = sensor_pose(belief.pose, mount)
         slot_count = slots_near(pages, tuning.cell_m, sensor[0], sensor[1], radius, slots)
-        candidates, identities, places, shared = gather(
-            pages, particle, slots, slot_count, sensor[0], sensor[1], radius
-        )
+        landmarks, identities, places, shared = gather(pages, particle, slots, slot_count, sensor[0], sensor[1], radius)
         if pages.tally[FREE_PAGES] < shared + count or pages.overflow.size - pages.tally[USED_SLOTS] < count:
             tallies[SHARED_NEEDED] = shared
             return particle
-
-        if tuning.strategy == SEQUENTIAL:
-            log_weight, evaluated = associate_sequentially(
-                pose, covariance, mount, candidates, features, order, tuning, chosen
-            )
-        else:
-            if tuning.strategy == KNOWN:
-                evaluated = associate_by_identity(
-                    pose, covariance, mount, candidates, identities, features, feature_identities, tuning, chosen
-                )
-            else:
-                evaluated = associate_simultaneously(pose, covariance, mount, candidates, features, tuning, chosen)
-            log_weight = fold_all(pose, covariance, mount, candidates, features, order, tuning, chosen)
-        log_weights[particle] += log_weight
+        candidates = candidates_of(landmarks, identities)
+        log_weight, evaluated = associate(belief, mount, candidates, features, tuning, chosen)
+        result.log_weights[particle] += log_weight
         tallies[LIKELIHOODS] += evaluated
 
         if tuning.proposal != MOTION:
-            sample(pose, covariance, normals[particle])
-        poses[particle] = pose
-        sensor = sensor_pose(pose, mount)
+            sample(belief, scan.normals[particle])
+        poses[particle] = belief.pose
+        sensor = sensor_pose(belief.pose, mount)
 
-        changed = np.zeros(candidates.shape[0], dtype=np.bool_)
-        tallies[MATCHED] += update_matches(candidates, sensor, features, order, chosen, linear, tuning, changed)
+        changed = np.zeros(landmarks.shape[0], dtype=np.bool_)
+        tallies[MATCHED] += update_matches(landmarks, sensor, features, chosen, tuning, changed)
         for feature in range(count):
             landmark = chosen[feature]
-            matches[particle, feature] = identities[landmark] if landmark >= 0 else landmark
-        doomed = tuning.existence and lower_missed(candidates, sensor, sight, tuning, changed)
-        write_back(pages, particle, candidates, places, changed)
+            result.matches[particle, feature] = identities[landmark] if landmark >= 0 else landmark
+        doomed = tuning.existence and lower_missed(landmarks, sensor, scan.sight, tuning, changed)
+        write_back(pages, particle, landmarks, places, changed)
         if doomed:
-            for index in range(slot_count):
-                if pages.table[particle, slots[index]] != NONE:
-                    tallies[REMOVED] += remove_below(pages, particle, slots[index], tuning.log_odds_remove)
-        for feature in range(count):
-            if chosen[feature] == NEW:
-                new_landmark(
-                    fresh, sensor, sighting_of(features, feature), tuning.single_weights, tuning.spread, linear
-                )
-                fresh[LOG_ODDS] = tuning.log_odds_new
-                append(pages, particle, tuning.cell_m, fresh, new_identities[feature])
-                tallies[CREATED] += 1
+            tallies[REMOVED] += prune(pages, particle, slots, slot_count, tuning.log_odds_remove)
+        tallies[CREATED] += create_landmarks(pages, particle, sensor, scan, chosen, tuning, fresh)
     return len(poses)

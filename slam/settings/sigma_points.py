@@ -20,7 +20,10 @@ class UnscentedWeights(NamedTuple):
 def unscented_weights(
     dimension: int, alpha: float = ALPHA, beta: float = BETA, kappa: float = KAPPA
 ) -> UnscentedWeights:
-    """Equations (7) and (8) for a state of `dimension` numbers."""
+    """Equations (7) and (8) for a state of `dimension` numbers.
+
+    The print of (8) has 1 - alpha + beta; the standard form 1 - alpha^2 + beta is used here.
+    """
     spread = alpha**2 * (dimension + kappa)
     mean_centre = (spread - dimension) / spread
     return UnscentedWeights(math.sqrt(spread), mean_centre, mean_centre + 1.0 - alpha**2 + beta, 0.5 / spread)

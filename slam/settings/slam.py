@@ -159,7 +159,7 @@ class SlamSettings(BaseModel):
 
     def tuning(self) -> Tuning:
         """The part that the compiled step needs. Exclusivity off means the printed simultaneous form."""
-        gates, view = self.gates, self.view
+        gates = self.gates
         strategy = Strategy[self.association.strategy.upper()]
         if strategy is Strategy.SEQUENTIAL and not self.techniques.exclusivity:
             strategy = Strategy.SIMULTANEOUS
@@ -173,8 +173,5 @@ class SlamSettings(BaseModel):
             match_square=gates.match,
             match_per_metre_square=gates.match_per_metre,
             match_known_square=gates.match_known,
-            range_max_m=view.range_max_m,
-            range_margin_m=view.range_margin_m,
-            missed_range_m=view.missed_range_m,
-            missed_bearing_rad=view.missed_bearing_rad,
+            **self.view.model_dump(),
         )

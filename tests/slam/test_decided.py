@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from drivers.measurements import OdometryPose, Scan
 from slam.estimator import Estimator
 from slam.joint.gaussian import DECIDED, JointGaussian, Variant
-from slam.observations import BeamVerdict, Features
+from slam.observations import BeamVerdict, Features, usable_rows
 from slam.pose import Pose2
 from slam.settings.joint import JointSettings
 from slam.settings.slam import SlamSettings
@@ -59,10 +59,8 @@ def pose_error_among_walkers_m(variant: Variant, seed: int) -> float:
     """Of the published pose, largest, on 20 m past posts, with eight people who walk along at 0.7 of the speed; their
     features have no licence."""
     generator = np.random.default_rng(seed)
-    joint, people_m = (
-        JointGaussian(JointSettings(), Pose2(), variant=variant),
-        generator.uniform((2.0, -3.0), (12.0, 3.0), (8, 2)),
-    )
+    joint = JointGaussian(JointSettings(), Pose2(), SlamSettings().tuning(), variant)
+    people_m = generator.uniform((2.0, -3.0), (12.0, 3.0), (8, 2))
     worst_m, covariance = 0.0, np.diag((0.01**2, 0.003**2, 0.005**2))
     for number in range(400):
         driven_m = 0.05 * max(number - 5, 0)
@@ -85,7 +83,8 @@ def pose_error_among_walkers_m(variant: Variant, seed: int) -> float:
             np.full(count, -1),
             np.full(count, -1),
         )
-        joint.step(step + slip, covariance if driven_m > 0.0 else np.zeros((3, 3)), seen, np.full(count, -1))
+        noise = covariance if driven_m > 0.0 else np.zeros((3, 3))
+        joint.step(step + slip, noise, usable_rows(seen, 30.0, 0.0), np.full(count, -1))
         pose = joint.map_from_body
         worst_m = max(worst_m, math.hypot(pose.x_m - driven_m, pose.y_m))
     return worst_m

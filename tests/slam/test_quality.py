@@ -26,7 +26,7 @@ def after(*scans: Evidence, settings: QualitySettings | None = None) -> tuple[Qu
     monitor, now_ns = QualityMonitor(settings or SETTINGS), 0
     for evidence in scans:
         now_ns += TICK_NS
-        monitor.weigh(now_ns, evidence)
+        monitor.add(now_ns, evidence)
     return monitor, now_ns
 
 

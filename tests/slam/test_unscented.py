@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from slam.angles import angle_between, cosine_sine, wrapped
 from slam.settings.sigma_points import unscented_weights
-from slam.unscented import pose_root_into, square_root, unscented_transform
+from slam.unscented import pose_root_into
+from tests.support.slam.unscented import square_root, unscented_transform
 
 ANGLES = st.floats(-50.0, 50.0)
 

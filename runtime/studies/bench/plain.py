@@ -5,14 +5,14 @@ import time
 import numpy as np
 
 from drivers.measurements import FloatArray
-from slam.observations import Features
+from slam.observations import FeatureRows
 from slam.particles.fastslam import FastSlam
 from slam.pose import wrap_rads
 
 GATE = 9.21  # squared distance, 99 %
 
 
-def plain_step(particles: FastSlam, features: Features) -> float:
+def plain_step(particles: FastSlam, features: FeatureRows) -> float:
     """CPU time in ms of associating and updating every feature in every particle, landmarks in dense arrays.
 
     Maximum likelihood over the whole map and an extended Kalman update of the winner: less than the compiled step
@@ -23,7 +23,8 @@ def plain_step(particles: FastSlam, features: Features) -> float:
     means = np.repeat(landmarks.means_m[None], count, axis=0)
     covariances = np.repeat(landmarks.covariances_m2[None], count, axis=0)
     began_ns = time.thread_time_ns()
-    for range_m, bearing_rad, noise in zip(features.ranges_m, features.bearings_rad, features.covariances, strict=True):
+    noises = np.stack((features.rr, features.rb, features.rb, features.bb), axis=-1).reshape(-1, 2, 2)
+    for range_m, bearing_rad, noise in zip(features.ranges_m, features.bearings_rad, noises, strict=True):
         _update(particles.poses, means, covariances, np.array((range_m, bearing_rad)), noise)
     return (time.thread_time_ns() - began_ns) * 1e-6
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from drivers.measurements import FloatArray
 from slam.joint.gaussian import JointGaussian
-from slam.observations import Features
+from slam.observations import FeatureRows, Features, usable_rows
 from slam.odometry.odometry import Increment
 from slam.particles.fastslam import FastSlam
 from slam.pose import Pose2, wrap_rads
 from slam.settings.slam import SlamSettings
-from slam.visibility import NO_SIGHT
+from slam.visibility import NO_SIGHT, SightLine
 
 DENSITY_PER_M2 = 0.02  # 42 landmarks in 270 deg to 30 m: enough for 30 observations
 VIEW_M, VIEW_RAD = 30.0, math.radians(135.0)
@@ -21,7 +21,7 @@ SIGMA_M, SIGMA_RAD = 0.05, 0.005
 SEED = 1
 SURVEY_M = 0.75 * TILE_M  # the corners of a tile are 0.71 away
 STANDING = 3  # scans at a stop: four looks confirm a landmark
-BLIND = np.concatenate(((-math.pi, math.pi / 180.0, VIEW_M), np.full(361, 0.1)))  # sees past nothing: nothing is missed
+BLIND = SightLine(-math.pi, math.pi / 180.0, VIEW_M, np.full(361, 0.1))  # sees past nothing: nothing is missed
 
 
 class Scene:
@@ -42,7 +42,7 @@ class Scene:
         self._scan = 0
         self._survey(0.5 * side * pitch_m)
 
-    def next_scan(self) -> tuple[Increment, Features]:
+    def next_scan(self) -> tuple[Increment, FeatureRows]:
         """Drive one step of the circle and look at the nearest landmarks in view."""
         moved = np.array((STEP_M, 0.0, TURN_RAD))
         self._pose = self._pose @ Pose2(*moved)
@@ -50,7 +50,7 @@ class Scene:
         increment = Increment(moved, covariance, False, True, 0.1, 0.5, 0.0, 0.05)
         return increment, self._look(self._observations, VIEW_RAD, VIEW_M)
 
-    def step(self, increment: Increment, features: Features, sight: FloatArray = NO_SIGHT) -> None:
+    def step(self, increment: Increment, features: FeatureRows, sight: SightLine = NO_SIGHT) -> None:
         """Particles and joint Gaussian, as the estimator calls them."""
         outcome = self.particles.step(increment, features, sight)
         self.joint.step(increment.mean, increment.covariance, features, outcome.matches, sight)
@@ -71,7 +71,7 @@ class Scene:
                 before = self.joint.landmarks_in_state
                 self.step(standing, self._look(0, math.pi, SURVEY_M), BLIND)
 
-    def _look(self, most: int, view_rad: float, view_m: float) -> Features:
+    def _look(self, most: int, view_rad: float, view_m: float) -> FeatureRows:
         """The nearest `most` landmarks within view_m and view_rad to either side, with noise."""
         offsets = self._pose.inverse().transform(self.landmarks_m)
         ranges, bearings = np.hypot(*offsets.T), np.arctan2(offsets[:, 1], offsets[:, 0])
@@ -79,7 +79,7 @@ class Scene:
         seen = seen[np.argsort(ranges[seen])][:most]
         count = seen.size
         self._scan += 1
-        return Features(
+        features = Features(
             self._scan * 100_000_000,
             ranges[seen] + SIGMA_M * self._rng.standard_normal(count),
             wrap_rads(bearings[seen] + SIGMA_RAD * self._rng.standard_normal(count)),
@@ -88,6 +88,7 @@ class Scene:
             np.full(count, -1, dtype=np.int64),
             np.full(count, -1, dtype=np.int64),
         )
+        return usable_rows(features, VIEW_M, 0.0)
 
 
 def survey_stops(half_side_m: float) -> list[Pose2]:

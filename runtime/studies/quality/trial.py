@@ -108,6 +108,6 @@ def judged_again(trace: FloatArray, settings: QualitySettings) -> Iterator[Quali
     for row in trace:
         stamp_ns = round(row[0] * 1e9)
         if row[1]:
-            monitor.weigh(stamp_ns, Evidence(int(row[2]), int(row[3]), int(row[4]), float(row[5])))
+            monitor.add(stamp_ns, Evidence(int(row[2]), int(row[3]), int(row[4]), float(row[5])))
         covariance = np.diag((row[6] ** 2, row[6] ** 2, 0.0))
         yield monitor.judge(stamp_ns, covariance, float(row[7])).quality

@@ -8,9 +8,10 @@ import pytest
 from drivers.measurements import FloatArray, IntArray
 from slam.joint import gaussian
 from slam.joint.gaussian import JointGaussian
-from slam.observations import Features, MatchVerdict
+from slam.observations import FeatureRows, Features, MatchVerdict, usable_rows
 from slam.pose import Pose2, wrap_rad
 from slam.settings.joint import JointSettings
+from slam.settings.slam import SlamSettings
 
 POSTS_M = np.array(
     ((6.0, 1.0), (9.0, -3.0), (4.0, 7.0), (12.0, 5.0), (-3.0, 8.0), (-5.0, -6.0), (2.0, -9.0), (14.0, -8.0))
@@ -20,24 +21,25 @@ INCREMENT = np.diag((0.005**2, 0.002**2, HEADING_SIGMA_RAD**2))
 NOISE = np.diag((0.02**2, 0.003**2))
 
 
-def seen(points_m: FloatArray, heading_rad: float = 0.0) -> Features:
+def seen(points_m: FloatArray, heading_rad: float = 0.0) -> FeatureRows:
     """Features of these points from the origin, by someone who has turned to heading_rad."""
     count = len(points_m)
     bearings = np.array([wrap_rad(math.atan2(y, x) - heading_rad) for x, y in points_m])
     unknown = np.full(count, -1)
     covariances = np.tile(NOISE, (count, 1, 1))
-    return Features(0, np.hypot(*points_m.T), bearings, covariances, np.ones(count, np.bool_), unknown, unknown)
+    ranges, may_create = np.hypot(*points_m.T), np.ones(count, np.bool_)
+    return usable_rows(Features(0, ranges, bearings, covariances, may_create, unknown, unknown), 30.0, 0.0)
 
 
 def with_old_posts() -> JointGaussian:
-    joint = JointGaussian(JointSettings(), Pose2())
+    joint = JointGaussian(JointSettings(), Pose2(), SlamSettings().tuning())
     for _ in range(40):
         step(joint, seen(POSTS_M), np.zeros((3, 3)))
     return joint
 
 
-def step(joint: JointGaussian, features: Features, covariance: FloatArray) -> IntArray:
-    return joint.step(np.zeros(3), covariance, features, np.full(len(features), int(MatchVerdict.NEW)))
+def step(joint: JointGaussian, features: FeatureRows, covariance: FloatArray) -> IntArray:
+    return joint.step(np.zeros(3), covariance, features, np.full(features.ranges_m.size, int(MatchVerdict.NEW)))
 
 
 @pytest.mark.parametrize("deviations", [-9.0, -5.0, -3.5, 3.5, 5.0, 9.0])
@@ -66,7 +68,7 @@ def test_a_walker_nearer_than_all_posts_does_not_turn_the_rover() -> None:
     assert joint.map_from_body.heading_rad == pytest.approx(-2.5 * HEADING_SIGMA_RAD, abs=0.004)
 
 
-def test_where_nothing_agrees_on_a_slip_none_is_presumed() -> None:
+def test_where_nothing_agrees_on_a_slip_none_is_assumed() -> None:
     joint, generator = with_old_posts(), np.random.default_rng(1)
     elsewhere = generator.uniform(-15.0, 15.0, (12, 2))
     before = joint.map_from_body.heading_rad

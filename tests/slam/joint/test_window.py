@@ -10,10 +10,11 @@ from slam.joint.kernels import append, forget
 from slam.joint.measurement import FIRST_PLACE
 from slam.joint.state import MOST_RETURNING, JointState
 from slam.joint.window import least_needed, regress, restore
+from slam.observations import Sighting
 from slam.settings.joint import JointSettings
 from tests.support.examples import examples
 
-FEATURE = np.array((5.0, 0.3, 0.01, 0.0, 0.0003, 1.0))
+SIGHTING = Sighting(5.0, 0.3, 0.01, 0.0, 0.0003)
 
 
 def spread_out(seed: int, landmarks: int) -> tuple[FloatArray, FloatArray]:
@@ -66,10 +67,10 @@ def test_a_new_landmark_is_correlated_with_the_pose_as_a_sampled_one_is() -> Non
     mean[:3] = (1.0, 2.0, 0.7)
     covariance[:3, :3] = root @ root.T
     mount = np.array((0.5, -0.2, 0.3))
-    append(mean, covariance, FIRST_PLACE, mount, FEATURE)
+    append(mean, covariance, FIRST_PLACE, mount, SIGHTING)
     poses = mean[:3] + generator.standard_normal((200_000, 3)) @ root.T
-    ranges = FEATURE[0] + math.sqrt(FEATURE[2]) * generator.standard_normal(len(poses))
-    bearings = FEATURE[1] + math.sqrt(FEATURE[4]) * generator.standard_normal(len(poses))
+    ranges = SIGHTING.range_m + math.sqrt(SIGHTING.rr) * generator.standard_normal(len(poses))
+    bearings = SIGHTING.bearing_rad + math.sqrt(SIGHTING.bb) * generator.standard_normal(len(poses))
     cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     angle = poses[:, 2] + mount[2] + bearings
     x = poses[:, 0] + cosine * mount[0] - sine * mount[1] + ranges * np.cos(angle)
@@ -86,7 +87,7 @@ def row_of_posts(posts: int = 80) -> JointState:
     mount = np.zeros(3)
     for index in range(posts):
         state.bring_back()
-        state.create(index, 6.0, mount, np.array((3.0, 1.0, 0.01, 0.0, 0.0003, 1.0)))
+        state.create(index, 6.0, mount, Sighting(3.0, 1.0, 0.01, 0.0, 0.0003))
         for _ in range(3):
             state.put_away()
         state.mean[0] += 5.0

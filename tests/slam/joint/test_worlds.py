@@ -18,7 +18,7 @@ from runtime.studies.paper.drives.worlds import (
     feature_world,
 )
 from slam.joint.gaussian import JointGaussian
-from slam.observations import Features
+from slam.observations import Features, usable_rows
 from slam.odometry.odometry import Odometry
 from slam.pose import Pose2
 from slam.settings.joint import JointSettings
@@ -64,7 +64,8 @@ def run(kind: WorldKind, seed: int, landmarks_in_state: int = JointSettings().la
             seen.identities,
             seen.identities,
         )
-        joint.step(increment.mean, increment.covariance, features, seen.identities)
+        rows = usable_rows(features, TUNING.range_max_m, 0.0)
+        joint.step(increment.mean, increment.covariance, rows, rows.identities)
         poses.append(joint.map_from_body.as_array())
         covariances.append(joint.covariance)
         most = max(most, joint.landmarks_in_state)

@@ -5,10 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from drivers.measurements import FloatArray
-from slam.observations import MatchVerdict
-from slam.particles.association import associate_by_identity, associate_sequentially, associate_simultaneously
+from drivers.measurements import FloatArray, IntArray
+from slam.observations import FeatureRows, Features, MatchVerdict, usable_rows
+from slam.particles.association import (
+    Candidates,
+    associate_by_identity,
+    associate_sequentially,
+    associate_simultaneously,
+    candidates_of,
+)
 from slam.particles.gates import GATE_BLOCK, all_outside, gate_columns, match_bound
+from slam.particles.proposals import PoseBelief
 from slam.settings.tuning import Tuning
 from tests.support.slam.scenes import settings_of
 
@@ -20,23 +27,31 @@ def landmarks(*points: tuple[float, float], variance: float = 0.01) -> FloatArra
     return np.array([(x, y, variance, 0.0, variance, 1.0) for x, y in points]).reshape(-1, 6)
 
 
-def features(*points: tuple[float, float], licensed: bool = True) -> FloatArray:
-    rows = []
-    for x, y in points:
-        distance = math.hypot(x, y)
-        noise = (VARIANCE_M2, 0.0, VARIANCE_RAD2)
-        rows.append((distance, math.atan2(y, x), *noise, float(licensed), x / distance, y / distance))
-    return np.array(rows).reshape(-1, 8)
+def features(*points: tuple[float, float], licensed: bool = True, turned_rad: float = 0.0) -> FeatureRows:
+    """Features of points from a pose at the origin that is turned."""
+    array, count = np.array(points).reshape(-1, 2), len(points)
+    bearings = np.arctan2(array[:, 1], array[:, 0]) - turned_rad
+    noise = np.tile(np.diag((VARIANCE_M2, VARIANCE_RAD2)), (count, 1, 1))
+    unknown = np.full(count, -1)
+    seen = Features(0, np.hypot(*array.T), bearings, noise, np.full(count, licensed), unknown, unknown)
+    return usable_rows(seen, 100.0, 0.0)
+
+
+def at_origin(sigma: float) -> PoseBelief:
+    return PoseBelief(np.zeros(3), np.diag((sigma**2, sigma**2, (0.2 * sigma) ** 2)), np.empty((3, 3)))
+
+
+def candidates_at(numbers: FloatArray, identities: IntArray | None = None) -> Candidates:
+    return candidates_of(numbers, np.arange(len(numbers)) if identities is None else identities)
 
 
 def sequentially(
-    rows: FloatArray, candidates: FloatArray, tuning: Tuning, sigma: float = 0.05
+    rows: FeatureRows, numbers: FloatArray, tuning: Tuning, sigma: float = 0.05
 ) -> tuple[list[int], FloatArray, float, int]:
-    pose, covariance = np.zeros(3), np.diag((sigma**2, sigma**2, (0.2 * sigma) ** 2))
-    chosen = np.empty(len(rows), dtype=np.int64)
-    order = np.argsort(rows[:, 0], kind="stable")
-    log_weight, evaluated = associate_sequentially(pose, covariance, MOUNT, candidates, rows, order, tuning, chosen)
-    return chosen.tolist(), pose, log_weight, evaluated
+    belief = at_origin(sigma)
+    chosen = np.empty(rows.ranges_m.size, dtype=np.int64)
+    log_weight, evaluated = associate_sequentially(belief, MOUNT, candidates_at(numbers), rows, tuning, chosen)
+    return chosen.tolist(), belief.pose, log_weight, evaluated
 
 
 def test_two_features_on_one_landmark_leave_it_to_the_better_whichever_comes_first() -> None:
@@ -64,14 +79,12 @@ def test_the_pose_moves_between_matches_so_that_a_far_feature_finds_its_landmark
     posts = ((4.0, 0.0), (6.0, 2.0), (28.0, 0.0))
     turned = 0.1
     candidates = landmarks(*posts, (28.0 * math.cos(0.09), -28.0 * math.sin(0.09)), variance=1e-4)
-    seen = features(*posts)
-    seen[:, 1] -= turned
-    seen[:, 6], seen[:, 7] = np.cos(seen[:, 1]), np.sin(seen[:, 1])
-    pose, covariance = np.array((0.0, 0.0, 0.0)), np.diag((1e-4, 1e-4, 0.06**2))
+    seen = features(*posts, turned_rad=turned)
+    belief = PoseBelief(np.zeros(3), np.diag((1e-4, 1e-4, 0.06**2)), np.empty((3, 3)))
     chosen = np.empty(3, dtype=np.int64)
-    associate_sequentially(pose, covariance, MOUNT, candidates, seen, np.arange(3), settings.tuning(), chosen)
+    associate_sequentially(belief, MOUNT, candidates_at(candidates), seen, settings.tuning(), chosen)
     assert chosen.tolist() == [0, 1, 2]
-    assert pose[2] == pytest.approx(turned, abs=0.01)
+    assert belief.pose[2] == pytest.approx(turned, abs=0.01)
 
 
 def test_a_feature_far_from_everything_is_new_if_licensed_and_nothing_if_not() -> None:
@@ -117,39 +130,29 @@ def test_the_range_technique_saves_likelihoods_and_changes_no_match() -> None:
 
 
 def test_the_printed_form_lets_several_features_share_a_landmark_and_exclusivity_ends_that() -> None:
-    candidates, seen = landmarks((10.0, 0.0), (0.0, 20.0)), features((9.9, 0.0), (10.0, 0.0))
-    pose, covariance, chosen = np.zeros(3), np.eye(3) * 1e-4, np.empty(2, dtype=np.int64)
+    numbers, seen = landmarks((10.0, 0.0), (0.0, 20.0)), features((9.9, 0.0), (10.0, 0.0))
+    chosen = np.empty(2, dtype=np.int64)
     shared = settings_of(techniques={"exclusivity": False}).tuning()
-    associate_simultaneously(pose, covariance, MOUNT, candidates, seen, shared, chosen)
+    associate_simultaneously(at_origin(0.01), MOUNT, candidates_at(numbers), seen, shared, chosen)
     assert chosen.tolist() == [0, 0]
     exclusive = settings_of(association={"strategy": "simultaneous"}).tuning()
-    associate_simultaneously(pose, covariance, MOUNT, candidates, seen, exclusive, chosen)
+    associate_simultaneously(at_origin(0.01), MOUNT, candidates_at(numbers), seen, exclusive, chosen)
     assert chosen[1] == 0
     assert chosen[0] < 0
 
 
 def test_known_identities_match_whatever_is_nearer_and_unknown_ones_are_left_alone() -> None:
-    candidates = landmarks((10.0, 0.0), (10.5, 0.0))
-    seen = features((10.4, 0.0), (10.0, 0.0), (3.0, 3.0))
+    candidates = candidates_at(landmarks((10.0, 0.0), (10.5, 0.0)), np.array((7, 9)))
+    seen = features((10.4, 0.0), (10.0, 0.0), (3.0, 3.0))._replace(identities=np.array((7, -1, 12)))
     chosen = np.empty(3, dtype=np.int64)
-    associate_by_identity(
-        np.zeros(3),
-        np.eye(3) * 0.01,
-        MOUNT,
-        candidates,
-        np.array((7, 9)),
-        seen,
-        np.array((7, -1, 12)),
-        settings_of(association={"strategy": "known"}).tuning(),
-        chosen,
-    )
+    tuning = settings_of(association={"strategy": "known"}).tuning()
+    associate_by_identity(at_origin(0.1), MOUNT, candidates, seen, tuning, chosen)
     assert chosen.tolist() == [0, MatchVerdict.UNLICENSED, MatchVerdict.NEW]
 
 
 def test_a_singular_prediction_matches_nothing_and_leaves_the_pose_finite() -> None:
     candidates = landmarks((10.0, 0.0), variance=0.0)
-    seen = features((10.0, 0.0))
-    seen[:, 2:5] = 0.0
+    seen = features((10.0, 0.0))._replace(rr=np.zeros(1), rb=np.zeros(1), bb=np.zeros(1))
     chosen, pose, log_weight, _ = sequentially(seen, candidates, settings_of().tuning(), sigma=0.0)
     assert chosen[0] < 0
     assert np.isfinite(pose).all()

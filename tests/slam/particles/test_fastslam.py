@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from drivers.measurements import FloatArray
-from slam.observations import Features, MatchVerdict
-from slam.particles.fastslam import IDENTITIES_PER_SCAN, FastSlam, weighted_mean
+from slam.observations import IDENTITIES_PER_SCAN, MatchVerdict
+from slam.particles.fastslam import FastSlam, weighted_mean
 from slam.settings.slam import SlamSettings
+from slam.visibility import SightLine
 from tests.support.slam.scenes import POSTS_M, arc_pose, increment_of, seen_from, settings_of
 
 PROPOSALS = ["motion", "ekf", "unscented"]
@@ -104,10 +105,10 @@ def test_without_the_existence_technique_nothing_is_removed() -> None:
     assert filter_.store.count_of(0) == len(POSTS_M)
 
 
-def sight_of(distance_m: float) -> FloatArray:
+def sight_of(distance_m: float) -> SightLine:
     """A scan of 541 beams over 270 deg, all of one range."""
     step = math.radians(0.5)
-    return np.concatenate(((-270 * step, step, 60.0), np.full(541, distance_m)))
+    return SightLine(-270 * step, step, 60.0, np.full(541, distance_m))
 
 
 @pytest.mark.parametrize(("beams_end_at_m", "kept"), [(3.0, 1), (10.0, 1), (30.0, 0), (math.nan, 0)])
@@ -137,23 +138,11 @@ def test_proposed_estimation_saves_nine_likelihoods_in_ten() -> None:
     spent = []
     for techniques in ({}, off):
         filter_ = particles(settings_of(particles=3, techniques=techniques, view={"range_max_m": 300.0}))
-        filter_.step(increment_of(), seen_from(np.zeros(3), grid))
+        filter_.step(increment_of(), seen_from(np.zeros(3), grid, range_max_m=300.0))
         near = grid[np.hypot(*grid.T) < 25.0]
         spent.append(filter_.step(increment_of(0.1, sigma=0.02), seen_from(np.array((0.1, 0, 0)), near)).likelihoods)
     assert spent[1] == 3 * len(near) * len(grid)
     assert spent[0] < 0.1 * spent[1]
-
-
-def test_features_that_are_not_numbers_are_left_out_and_reported() -> None:
-    filter_ = after_standing(settings_of())
-    good = seen_from(np.zeros(3), POSTS_M)
-    ranges, covariances = good.ranges_m.copy(), good.covariances.copy()
-    ranges[0], covariances[1], covariances[2, 0, 0], ranges[3] = math.nan, math.nan, -1.0, 400.0
-    bad = Features(0, ranges, good.bearings_rad, covariances, good.may_create, good.identities, good.beams)
-    outcome = filter_.step(increment_of(0.0, sigma=0.01), bad)
-    assert (outcome.matches[:4] == MatchVerdict.OUT_OF_RANGE).all()
-    assert outcome.matches[4:].tolist() == [4, 5]
-    assert np.isfinite(filter_.poses).all()
 
 
 def test_a_scan_without_features_still_moves_every_particle() -> None:

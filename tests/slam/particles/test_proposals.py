@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from drivers.measurements import FloatArray
+from slam.observations import Sighting
 from slam.particles.landmark_filter import new_landmark, update_landmark
 from slam.particles.proposals import (
     Moments,
-    Sighting,
+    PoseBelief,
     fold_in,
     linearised_moments,
     log_likelihood,
@@ -22,9 +23,9 @@ from slam.particles.proposals import (
 )
 from slam.pose import wrap_rad
 from slam.settings.sigma_points import ALPHA, BETA, unscented_weights
-from slam.unscented import square_root, unscented_transform
 from slam.visibility import sensor_pose
 from tests.support.examples import examples
+from tests.support.slam.unscented import square_root, unscented_transform
 
 WEIGHTS_5, WEIGHTS_2 = unscented_weights(5), unscented_weights(2)
 SPREAD = BETA - ALPHA**2
@@ -54,8 +55,12 @@ def scene(seed: int, size: float = 0.05) -> tuple[FloatArray, FloatArray, FloatA
     return pose, root @ root.T, np.array((*place, own[0, 0], own[0, 1], own[1, 1], 0.0))
 
 
+def belief(pose: FloatArray, covariance: FloatArray) -> PoseBelief:
+    return PoseBelief(pose, covariance, square_root(covariance))
+
+
 def moments(pose: FloatArray, covariance: FloatArray, landmark: FloatArray, noise: Sighting = NOISE) -> Moments:
-    return unscented_moments(pose, square_root(covariance), MOUNT, landmark, noise, WEIGHTS_5, SPREAD)
+    return unscented_moments(belief(pose, covariance), MOUNT, landmark, noise, WEIGHTS_5, SPREAD)
 
 
 def innovation_covariance(predicted: Moments) -> FloatArray:
@@ -98,7 +103,7 @@ def test_linearised_moments_use_this_landmarks_own_jacobian(seed: int) -> None:
     )
     block = np.array(((landmark[2], landmark[3]), (landmark[3], landmark[4])))
     noise = np.array(((NOISE.rr, NOISE.rb), (NOISE.rb, NOISE.bb)))
-    predicted = linearised_moments(pose, covariance, MOUNT, landmark, NOISE)
+    predicted = linearised_moments(belief(pose, covariance), MOUNT, landmark, NOISE)
     expected = jacobian @ covariance @ jacobian.T + own @ block @ own.T + noise
     np.testing.assert_allclose(innovation_covariance(predicted), expected, atol=1e-7)
     np.testing.assert_allclose(cross(predicted), covariance @ jacobian.T, atol=1e-7)
@@ -108,7 +113,7 @@ def test_linearised_moments_use_this_landmarks_own_jacobian(seed: int) -> None:
 @given(SEEDS)
 def test_both_proposals_agree_where_the_pose_is_nearly_certain(seed: int) -> None:
     pose, covariance, landmark = scene(seed, size=1e-4)
-    ekf = linearised_moments(pose, covariance, MOUNT, landmark, NOISE)
+    ekf = linearised_moments(belief(pose, covariance), MOUNT, landmark, NOISE)
     np.testing.assert_allclose(moments(pose, covariance, landmark), ekf, atol=1e-6)
 
 
@@ -124,7 +129,7 @@ def test_the_likelihood_has_the_whole_determinant_under_the_root(seed: int) -> N
 def test_the_weight_of_one_landmark_counts_the_pose_covariance_once() -> None:
     pose, landmark = np.zeros(3), np.array((10.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     covariance = np.diag((0.04, 0.0, 0.0))
-    predicted = unscented_moments(pose, square_root(covariance), np.zeros(3), landmark, NOISE, WEIGHTS_5, SPREAD)
+    predicted = unscented_moments(belief(pose, covariance), np.zeros(3), landmark, NOISE, WEIGHTS_5, SPREAD)
     assert predicted.rr == pytest.approx(0.04 + NOISE.rr)
 
 
@@ -139,9 +144,9 @@ def test_only_bearings_wrap_and_never_ranges() -> None:
 def test_a_landmark_behind_the_sensor_pulls_the_pose_no_way_round() -> None:
     pose, covariance = np.zeros(3), np.diag((0.01, 0.01, 0.001))
     landmark = np.array((-8.0, 1e-3, 0.01, 0.0, 0.01, 0.0))
-    predicted = unscented_moments(pose, square_root(covariance), np.zeros(3), landmark, NOISE, WEIGHTS_5, SPREAD)
+    predicted = unscented_moments(belief(pose, covariance), np.zeros(3), landmark, NOISE, WEIGHTS_5, SPREAD)
     sighting = NOISE._replace(range_m=8.0, bearing_rad=-math.pi + 1e-3)
-    fold_in(pose, covariance, predicted, sighting)
+    fold_in(belief(pose, covariance), predicted, sighting)
     assert abs(pose[2]) < 0.01
 
 
@@ -152,7 +157,7 @@ def test_folding_in_is_the_kalman_update_and_stays_symmetric() -> None:
     gain = cross(predicted) @ np.linalg.inv(innovation_covariance(predicted))
     expected = pose + gain @ (0.1, 0.01)
     expected_covariance = covariance - gain @ innovation_covariance(predicted) @ gain.T
-    fold_in(pose, covariance, predicted, sighting)
+    fold_in(belief(pose, covariance), predicted, sighting)
     np.testing.assert_allclose(pose, expected, atol=1e-12)
     np.testing.assert_allclose(covariance, expected_covariance, atol=1e-12)
     assert np.array_equal(covariance, covariance.T)
@@ -179,7 +184,7 @@ def test_every_landmark_gets_fresh_sigma_points() -> None:
         innovation = np.array((sighting.range_m - mean[0], wrap_rad(sighting.bearing_rad - mean[1])))
         expected_pose = expected_pose + gain @ innovation
         expected_covariance = expected_covariance - gain @ spread @ gain.T
-        fold_in(pose, covariance, moments(pose, covariance, landmark), sighting)
+        fold_in(belief(pose, covariance), moments(pose, covariance, landmark), sighting)
     np.testing.assert_allclose(pose[:2], expected_pose[:2], atol=1e-9)
     assert wrap_rad(pose[2] - expected_pose[2]) == pytest.approx(0.0, abs=1e-9)
     np.testing.assert_allclose(covariance, expected_covariance, atol=1e-9)
@@ -195,7 +200,11 @@ def test_covariances_stay_positive_however_many_landmarks_are_folded_in(seed: in
         predicted = moments(pose, covariance, landmark)
         noisy = generator.normal(size=2) * 0.1
         bearing = wrap_rad(predicted.bearing_rad + noisy[1])
-        fold_in(pose, covariance, predicted, NOISE._replace(range_m=predicted.range_m + noisy[0], bearing_rad=bearing))
+        fold_in(
+            belief(pose, covariance),
+            predicted,
+            NOISE._replace(range_m=predicted.range_m + noisy[0], bearing_rad=bearing),
+        )
         assert np.isfinite(pose).all()
         assert np.linalg.eigvalsh(covariance).min() > -1e-9
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
-from slam.observations import Features
+from slam.observations import FeatureRows, Features, usable_rows
 from slam.odometry.odometry import Increment
 from slam.pose import wrap_rads
 from slam.settings.slam import SlamSettings
@@ -25,12 +25,16 @@ def settings_of(**changes: Any) -> SlamSettings:
 
 
 def seen_from(
-    pose: FloatArray, points_m: FloatArray, identities: IntArray | None = None, may_create: bool = True
-) -> Features:
+    pose: FloatArray,
+    points_m: FloatArray,
+    identities: IntArray | None = None,
+    may_create: bool = True,
+    range_max_m: float = 30.0,
+) -> FeatureRows:
     """Exact features of points (K, 2) from a pose (3,) whose laser stands at the body's origin."""
     gaps = points_m - pose[:2]
     count = len(points_m)
-    return Features(
+    features = Features(
         0,
         np.hypot(gaps[:, 0], gaps[:, 1]),
         wrap_rads(np.arctan2(gaps[:, 1], gaps[:, 0]) - pose[2]),
@@ -39,6 +43,7 @@ def seen_from(
         np.full(count, -1) if identities is None else identities,
         np.full(count, -1),
     )
+    return usable_rows(features, range_max_m, 0.0)
 
 
 def increment_of(x: float = 0.0, y: float = 0.0, heading: float = 0.0, sigma: float = 0.0) -> Increment:

@@ -10,7 +10,7 @@ import numpy as np
 from drivers.measurements import FloatArray
 from runtime.studies.jobs import Result
 from runtime.studies.paper.drives.arms import arm_settings, merged
-from slam.observations import Features
+from slam.observations import FeatureRows, Features, usable_rows
 from slam.odometry.odometry import Increment
 from slam.particles.fastslam import FastSlam
 from slam.pose import wrap_rads
@@ -78,7 +78,7 @@ def _increment(mean: FloatArray, covariance: FloatArray, *, at_rest: bool) -> In
     return Increment(mean, covariance, at_rest, True, AHEAD_M, 0.0, 0.0, 0.0)
 
 
-def _seen(scan: int, pose: FloatArray, generator: np.random.Generator) -> Features:
+def _seen(scan: int, pose: FloatArray, generator: np.random.Generator) -> FeatureRows:
     offsets = LANDMARKS_M - pose[:2]
     noise = generator.standard_normal((len(offsets), 2))
     ranges = np.hypot(*offsets.T) + RANGE_NOISE_M * noise[:, 0]
@@ -86,4 +86,6 @@ def _seen(scan: int, pose: FloatArray, generator: np.random.Generator) -> Featur
     count = len(offsets)
     covariances = np.tile(np.diag((RANGE_NOISE_M**2, BEARING_NOISE_RAD**2)), (count, 1, 1))
     identities = np.arange(count)
-    return Features(scan, ranges, bearings, covariances, np.ones(count, dtype=np.bool_), identities, identities)
+    may_create = np.ones(count, dtype=np.bool_)
+    features = Features(scan, ranges, bearings, covariances, may_create, identities, identities)
+    return usable_rows(features, math.inf, 0.0)

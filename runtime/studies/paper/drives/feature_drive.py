@@ -26,6 +26,7 @@ from runtime.studies.paper.drives.worlds import (
 from slam.front_end.deskew import Twist
 from slam.front_end.front_ends import GivenFrontEnd
 from slam.joint.gaussian import JointGaussian
+from slam.observations import usable_rows
 from slam.odometry.odometry import Odometry
 from slam.particles.fastslam import FastSlam
 from slam.particles.step import landmarks_near
@@ -90,10 +91,11 @@ def feature_drive(
         features, _ = front_end.observe(step.sightings, odometry.odom_from_body, Twist(), increment.at_rest)
         features = vote(features, odometry.odom_from_body)
         began_s = time.process_time()
-        outcome = filter_.step(increment, features)
+        rows = usable_rows(features, settings.view.range_max_m, settings.mount.yaw_rad)
+        outcome = filter_.step(increment, rows)
         between_s = time.process_time()
         if joint is not None:
-            joint.step(increment.mean, increment.covariance, features, outcome.matches)
+            joint.step(increment.mean, increment.covariance, rows, outcome.matches)
             published.append(joint.map_from_body.as_array())
             covariances.append(joint.covariance)
         joint_cpu_s += time.process_time() - between_s

@@ -1,0 +1,59 @@
+"""What of a front end's features the filters use."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slam.observations import Features, MatchVerdict, usable_rows, verdicts_of_all
+
+COUNT = 6
+
+
+def features() -> Features:
+    unknown = np.full(COUNT, -1)
+    return Features(
+        0,
+        np.linspace(10.0, 5.0, COUNT),
+        np.linspace(-1.0, 1.0, COUNT),
+        np.tile(np.diag((0.01, 0.0004)), (COUNT, 1, 1)),
+        np.ones(COUNT, dtype=np.bool_),
+        unknown,
+        unknown,
+    )
+
+
+@pytest.mark.parametrize("field", ["ranges_m", "bearings_rad", "covariances"])
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_feature_that_is_not_finite_is_left_out(field: str, value: float) -> None:
+    seen = features()
+    getattr(seen, field)[2] = value
+    assert usable_rows(seen, 30.0, 0.0).numbers.tolist() == [0, 1, 3, 4, 5]
+
+
+@pytest.mark.parametrize("covariance", [((-1.0, 0.0), (0.0, -1.0)), ((1.0, 2.0), (2.0, 1.0)), ((0.0, 0.0), (0.0, 1.0))])
+def test_a_covariance_that_is_not_positive_definite_is_left_out(covariance: tuple[tuple[float, float], ...]) -> None:
+    seen = features()
+    seen.covariances[1] = covariance
+    assert usable_rows(seen, 30.0, 0.0).numbers.tolist() == [0, 2, 3, 4, 5]
+
+
+@pytest.mark.parametrize("range_m", [0.0, -1.0, 30.1])
+def test_a_range_that_the_filter_does_not_use_is_left_out(range_m: float) -> None:
+    seen = features()
+    seen.ranges_m[0] = range_m
+    assert usable_rows(seen, 30.0, 0.0).numbers.tolist() == [1, 2, 3, 4, 5]
+
+
+def test_rows_are_ordered_nearest_first_and_point_from_the_body() -> None:
+    seen = features()
+    rows = usable_rows(seen, 30.0, 0.25)
+    assert rows.order.tolist() == [5, 4, 3, 2, 1, 0]
+    np.testing.assert_allclose(np.arctan2(rows.left, rows.ahead), seen.bearings_rad + 0.25)
+
+
+def test_verdicts_of_the_usable_features_are_spread_over_all() -> None:
+    seen = features()
+    seen.ranges_m[:2] = math.nan
+    verdicts = verdicts_of_all(usable_rows(seen, 30.0, 0.0), np.array((7, -1, 8, 9)), COUNT)
+    assert verdicts.tolist() == [MatchVerdict.OUT_OF_RANGE, MatchVerdict.OUT_OF_RANGE, 7, MatchVerdict.NEW, 8, 9]
