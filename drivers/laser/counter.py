@@ -1,8 +1,9 @@
-"""The 24-bit counter of a laser, made to grow for ever; wraps are told from restarts."""
+"""The 24-bit millisecond counter of a laser, unwrapped; its wraps are distinguished from restarts of the device."""
 
 from enum import Enum, auto
 
-COUNTER_MS = 1 << 24
+from drivers.scip.codec import COUNTER_MS
+
 NS_PER_MS = 1_000_000
 JUMP_MS = 1500  # more than any delay of a message that is worth having; a restart of the device jumps further
 

@@ -14,6 +14,7 @@ END = b"\n\n"
 FIRST_CHARACTER = 0x30  # code of the value 0; 0x6f is 63
 OK = "00"
 DATA = "99"
+COUNTER_MS = 1 << 24  # the device's clock counts milliseconds in 24 bits
 
 
 class ScipError(ProtocolError):
@@ -195,4 +196,4 @@ def parse_time(line: bytes) -> int:
 
 def encode_time(counter_ms: int) -> bytes:
     """A time line; the counter is cut to its 24 bits."""
-    return summed(encode_number(counter_ms & 0xFFFFFF, 4))
+    return summed(encode_number(counter_ms % COUNTER_MS, 4))

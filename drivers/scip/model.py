@@ -8,7 +8,6 @@ from enum import StrEnum
 from drivers.scip.codec import ScipError
 
 SECONDS_PER_MINUTE = 60.0
-COUNTER_MS = 1 << 24
 
 
 class ParameterError(ScipError):
@@ -108,15 +107,6 @@ def trouble_in(state: str) -> bool:
 def is_booting(measuring: str) -> bool:
     """True if MESM of II says that the device has just been switched on."""
     return measuring.startswith("001") or "boot" in measuring.lower()
-
-
-def parse_state_time(text: str) -> int | None:
-    """TIME of II in milliseconds: six hexadecimal digits of the same counter as in scans; None if it is not that."""
-    try:
-        counter_ms = int(text, 16)
-    except ValueError:
-        return None
-    return counter_ms if 0 <= counter_ms < COUNTER_MS and len(text) == 6 else None
 
 
 class NoRange(StrEnum):

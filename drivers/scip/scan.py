@@ -4,6 +4,8 @@ The usual message has a fixed layout, so it is decoded as one table of bytes (ab
 does not fit that layout goes line by line, which also finds the exact error.
 """
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,6 +20,7 @@ from drivers.scip.codec import (
     FramingError,
     Message,
     ScanSizeError,
+    ScipError,
     StatusError,
     encode_time,
     parse_message,
@@ -34,6 +37,7 @@ LINE = 64  # characters of data in a full line
 ROW = LINE + 2  # with its sum and line feed
 STATUS_LINES = {OK: b"00P", DATA: b"99b"}
 ECHO_MARK = 0x26  # '&', outside of the encoded characters
+STREAM_HEAD = re.compile(rb"\n99b\n([^\n]{5})\n")  # status and time line of a streamed scan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,3 +195,15 @@ def encode_payload(characters: bytes) -> bytes:
 def encode_scan(echo: bytes, status: str, counter_ms: int, characters: bytes) -> bytes:
     """A whole scan message with its closing line feed."""
     return b"".join((echo, LF, summed(status.encode("ascii")), encode_time(counter_ms), encode_payload(characters), LF))
+
+
+def scan_counters_ms(data: bytes) -> Iterator[int]:
+    """24-bit device counters of the streamed scans whose time line lies whole in these raw bytes.
+
+    A damaged time line is left out: its bytes tell nothing of the device's clock.
+    """
+    for head in STREAM_HEAD.finditer(data):
+        try:
+            yield parse_time(head.group(1))
+        except ScipError:
+            continue

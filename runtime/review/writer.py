@@ -14,10 +14,10 @@ from runtime.errors import StorageError
 from runtime.messages.pipe import CARRIED, SEGMENT
 from runtime.messages.tick import Record
 from runtime.record.folder import RunFolder
+from runtime.review.clock_offset import LaserClockOffset
 from runtime.review.columns import ReviewColumns, mixed
 from runtime.review.curves import draw_curves
 from runtime.review.innovation import draw_innovation, innovations, predicted_motion
-from runtime.review.laser_clock import LaserClock
 from runtime.review.layout import (
     DOUBTED,
     SURE,
@@ -76,7 +76,7 @@ class ReviewWriter:
         self._with_truth = track is not None
         self._track = track
         self._track_drawn = 0
-        self._clock = LaserClock()
+        self._clock = LaserClockOffset()
         self._ends: dict[str, FloatArray] = {}
         self._paths: dict[str, list[tuple[float, float]]] = {name: [] for name in PATHS}
         self._facts = dict(facts or {})

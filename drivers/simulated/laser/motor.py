@@ -1,5 +1,6 @@
 """The simulated laser's own clock, and the turns of its mirror by that clock."""
 
+from drivers.scip.codec import COUNTER_MS
 from drivers.scip.model import Parameters
 
 NS_PER_MS = 1_000_000
@@ -72,4 +73,4 @@ class LaserMotor:
 
     def _counter(self, device_ns: int) -> int:
         # a sweep that had begun before a reset has the counter's first value, not one from before zero
-        return max(0, self._counter_origin_ms + device_ns // NS_PER_MS) % (1 << 24)
+        return max(0, self._counter_origin_ms + device_ns // NS_PER_MS) % COUNTER_MS

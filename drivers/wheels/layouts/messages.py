@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from cantools.database.can import Message
+from crccheck.crc import Crc
 
 from drivers.canbus.frame import EXTENDED, CanFrame
 from drivers.measurements import DriverError
 from drivers.settings.wheel_signals import InfoSignals, WheelSignals
-from drivers.wheels.layouts.crc8 import crc8
 from drivers.wheels.readings import Decoded, NodeInfo, Refused, Wheel, WheelReading
 
 
@@ -63,7 +63,7 @@ class FeedbackMessage:
             if name:
                 signal_of(message, name)
         self._crc_byte = self._byte_of_crc() if signals.crc else -1
-        self._crc = crc8(signals.crc_polynomial, signals.crc_init, signals.crc_xor_out)
+        self._crc = Crc(8, signals.crc_polynomial, signals.crc_init, xor_output=signals.crc_xor_out)
         id_bytes = self.arbitration_id.to_bytes(4, "little")[:2]
         self._crc_prefix = id_bytes if signals.crc_over_id else b""
 
@@ -117,9 +117,9 @@ class FeedbackMessage:
         return CanFrame(stamp_ns, self.arbitration_id, bytes(data), flags)
 
     def checksum(self, data: bytes | bytearray) -> int:
-        """CRC over the id and all bytes but its own."""
+        """CRC-8 over the id, where the layout says so, and all bytes but its own."""
         place = self._crc_byte
-        return self._crc(self._crc_prefix + data[:place] + data[place + 1 :])
+        return int(self._crc.calc(self._crc_prefix + data[:place] + data[place + 1 :]))
 
     def _byte_of_crc(self) -> int:
         signal = signal_of(self._message, self._signals.crc)

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from drivers.laser.clock import LaserClock
-from drivers.laser.counter import COUNTER_MS, NS_PER_MS, Reading
+from drivers.laser.counter import NS_PER_MS, Reading
+from drivers.scip.codec import COUNTER_MS
 
 PERIOD_NS = 99_730_000  # no multiple of the counter's millisecond, as no motor is
 DELAY_NS = 75_000_000

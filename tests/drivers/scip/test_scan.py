@@ -7,7 +7,7 @@ from drivers.measurements import DriverError
 from drivers.scip.codec import ChecksumError, FramingError, ScanSizeError, StatusError, encode_message, parse_message
 from drivers.scip.commands import ScanRequest
 from drivers.scip.framing import MessageStream
-from drivers.scip.scan import ECHO_MARK, CodeArray, Echo, ScanDecoder, encode_characters, encode_scan
+from drivers.scip.scan import ECHO_MARK, CodeArray, Echo, ScanDecoder, encode_characters, encode_scan, scan_counters_ms
 from tests.support.drivers.recorded_scip import recorded_chunks
 
 ENDLESS = ScanRequest("MD", 0, 1080)
@@ -138,3 +138,22 @@ def test_the_remaining_count_is_read_in_front_of_the_string() -> None:
     request = ScanRequest("MD", 0, 2, count=5, string="abc")
     raw = encode_scan(request.echo(3), "99", 1, b"000" * 3)[:-2]
     assert ScanDecoder(request).decode(raw).remaining == 3
+
+
+@given(counters_ms=st.lists(st.integers(0, 2**24 - 1), max_size=5))
+def test_the_counters_of_a_raw_stream_are_those_of_its_scans(counters_ms: list[int]) -> None:
+    codes = np.array([1000, 2000, 3000], np.int32)
+    request = ScanRequest("MD", 0, 2)
+    stream = encode_message(request.encode(), "00") + b"".join(
+        message(request, codes, counter_ms) + b"\n\n" for counter_ms in counters_ms
+    )
+    assert list(scan_counters_ms(stream)) == counters_ms
+
+
+def test_a_damaged_or_torn_time_line_gives_no_counter() -> None:
+    codes = np.array([1000], np.int32)
+    whole = message(ScanRequest("MD", 0, 0), codes, 4711) + b"\n\n"
+    place = whole.index(b"\n99b\n") + 5
+    damaged = whole[:place] + bytes((whole[place] ^ 1,)) + whole[place + 1 :]
+    assert list(scan_counters_ms(damaged + whole[: place + 3])) == []
+    assert list(scan_counters_ms(damaged + whole)) == [4711]

@@ -5,9 +5,10 @@ import sys
 import time
 from pathlib import Path
 
+import can
 import pytest
 
-from drivers.canbus.bus import CanBus
+from drivers.canbus.bus import CanBus, message_of
 from drivers.canbus.frame import CanFrame
 from drivers.canbus.loopback import free_port
 from drivers.settings.can import BusSettings
@@ -15,7 +16,6 @@ from drivers.settings.encoders import EncoderSettings
 from drivers.wheels.encoders import CanEncoders
 from drivers.wheels.pair import WheelPair
 from drivers.wheels.readings import WheelReading
-from tests.support.drivers.candump import candump_line
 from tests.support.drivers.virtual_drive import FRAMES, SETTINGS, VirtualDrive
 from tests.support.drivers.waiting import wait_until
 
@@ -85,13 +85,14 @@ def test_a_recording_sent_as_fast_as_the_bus_takes_it_loses_no_frame(frames: lis
 SENDER = """
 import sys, time
 from pathlib import Path
-from tests.support.drivers.candump_replay import CandumpReplay
+from drivers.canbus.bus import CanBus
 from drivers.settings.can import BusSettings
-replay = CandumpReplay(Path(sys.argv[1]), BusSettings(port=int(sys.argv[2])), time.monotonic_ns, speed=200.0)
+from tests.support.drivers.candump import replay_candump
+bus = CanBus(BusSettings(port=int(sys.argv[2])), (), time.monotonic_ns)
 start = time.monotonic()
-replay.start()
-replay.wait(60.0)
-print(replay.frames_sent / (time.monotonic() - start))
+sent = replay_candump(Path(sys.argv[1]), bus, speed=200.0)
+print(sent / (time.monotonic() - start))
+bus.close()
 """
 
 
@@ -99,7 +100,11 @@ def test_a_candump_at_two_hundred_times_its_speed_arrives_whole_over_multicast(
     frames: list[CanFrame], tmp_path: Path
 ) -> None:
     log = tmp_path / "drive.log"
-    log.write_text("\n".join(map(candump_line, frames)))
+    with can.CanutilsLogWriter(log) as writer:
+        for sent in frames:
+            message = message_of(sent)
+            message.timestamp = sent.stamp_ns * 1e-9
+            writer(message)
     port = free_port()
     bus = CanBus(BusSettings(port=port), (), time.monotonic_ns)
     readings = 0

@@ -15,8 +15,8 @@ from runtime.record.folder import RunFolder
 from runtime.record.header import RunHeader
 from runtime.record.mcap_file import RunWriter
 from runtime.record.reader import RunReader
+from runtime.review.clock_offset import LaserClockOffset
 from runtime.review.innovation import innovations, predicted_motion
-from runtime.review.laser_clock import LaserClock
 from runtime.review.moments import Motion
 from runtime.review.rebuild import build_review
 from runtime.review.truth import truth_track
@@ -76,7 +76,7 @@ def scan_bytes(stamp_ns: int, counter_ms: int) -> Record:
 
 @pytest.mark.parametrize("start_ms", [1000, (1 << 24) - 10_000], ids=["young", "before its wrap"])
 def test_a_clock_that_runs_100_ppm_slow_climbs_a_millisecond_in_ten_seconds(start_ms: int) -> None:
-    clock, rng = LaserClock(), np.random.default_rng(2)
+    clock, rng = LaserClockOffset(), np.random.default_rng(2)
     seconds, drawn = [], []
     for k in range(3000):
         counter_ms = start_ms + round(k * 25 * (1 - 100e-6))
