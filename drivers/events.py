@@ -1,5 +1,5 @@
-"""What a driver tells of itself: counters by kind, and events limited in rate, so that a flood on the wire is none in
-the log.
+"""What a driver reports of itself: counters by kind, and events limited in rate, so that a flood of faults on the wire
+does not flood the log.
 """
 
 from collections import Counter, deque
@@ -40,9 +40,10 @@ class EventLog:
         amount: int = 1,
         key: str = "",
     ) -> None:
-        """Count `kind` and tell of it; what has the same key within a second is counted and told with the next event.
+        """Count `kind` and report it; what has the same key within a second is counted and summed up in the next one.
 
-        amount: how many occurrences this stands for. key: what is limited in rate, `kind` where empty.
+        amount: how many occurrences to count, 0 where another counter has them. key: what is limited in rate, `kind`
+        where empty.
         """
         self.counters[kind] += amount
         if severity is not Severity.INFO:

@@ -1,6 +1,5 @@
 """Error frames of SocketCAN (include/uapi/linux/can/error.h) and the state of the controller that they tell."""
 
-from collections import Counter
 from enum import StrEnum
 
 TX_TIMEOUT, LOST_ARBITRATION, CONTROLLER, PROTOCOL = 0x001, 0x002, 0x004, 0x008
@@ -33,7 +32,6 @@ class ErrorFrames:
 
     def __init__(self) -> None:
         self.condition = BusCondition.ACTIVE
-        self.counters: Counter[str] = Counter()
         self.since_good = 0
         self._good = 0
 
@@ -48,9 +46,7 @@ class ErrorFrames:
             self.condition = BusCondition.OFF
         elif error_class & RESTARTED:
             self.condition = BusCondition.ACTIVE
-        names = names or ["unspecified"]
-        self.counters.update(names)
-        return tuple(names)
+        return tuple(names) or ("unspecified",)
 
     def good_frame(self) -> None:
         """Take note of a frame that came through: a controller that is off receives none."""

@@ -32,9 +32,9 @@ from drivers.scip.codec import DATA, OK, ScanSizeError, StatusError, is_fault
 from drivers.scip.commands import ScanRequest
 from drivers.scip.model import KNOWN_MODELS
 from drivers.settings.laser import LaserSettings
+from drivers.stoppable_thread import StoppableThread
 
 WAIT_S = 0.25  # longest wait in the kernel, so that closing is quick
-CLOSE_S = 1.9
 STALE_PERIODS = 3.5
 SILENT_PERIODS = 3.0
 
@@ -49,18 +49,16 @@ class Hokuyo:
         tap: RawTap | None = None,
         alive: Callable[[], None] = lambda: None,
     ) -> None:
-        """alive: called by the thread whenever it gets round, at least every few seconds."""
+        """alive: called by the thread in each turn of its loop, at least every few seconds."""
         self._settings = settings
-        self._alive = alive
         self._now_ns = now_ns
         around = AroundErrors(tap) if tap is not None and settings.raw == "around_errors" else None
         self._tap = around if around is not None else tap
         self._events = EventLog("laser", around.error if around is not None else None)
         self._clock = LaserClock(settings.drift_max_ppm)
         self._range_codes: dict[str, int] = {}
-        self._stop = threading.Event()
-        self._connector = LaserConnector(settings, self._tap, now_ns, self._is_stopping, self._events)
-        self._thread = threading.Thread(target=self._run, name="laser", daemon=True)
+        self._thread = StoppableThread("laser", self._run, alive)
+        self._connector = LaserConnector(settings, self._tap, now_ns, self._thread.is_stopping, self._events)
         self._fresh: Scan | None = None
         self._lock = threading.Lock()
         self._last_scan_ns: int | None = None
@@ -114,9 +112,7 @@ class Hokuyo:
 
     def close(self) -> None:
         """Stop the stream and the thread; at most 2 s."""
-        self._stop.set()
-        if self._thread.is_alive():
-            self._thread.join(CLOSE_S)
+        self._thread.stop()
 
     def _facts(self) -> dict[str, str]:
         facts, device = {"url": self._settings.url}, self._device
@@ -129,20 +125,15 @@ class Hokuyo:
             facts["advice"] = "; ".join(self._told.values())
         return facts
 
-    def _is_stopping(self) -> bool:
-        """Asked by the thread wherever it waits, which is its sign of life."""
-        self._alive()
-        return self._stop.is_set()
-
     def _run(self) -> None:
         """Connect for ever, waiting longer after each failure in a row."""
         wait_s = self._settings.retry_min_s
-        while not self._is_stopping():
+        while not self._thread.is_stopping():
             before_ns = self._last_scan_ns
             try:
                 self._serve()
             except DriverError as error:
-                if self._stop.is_set():
+                if self._thread.was_stopped:
                     break
                 self._note_failure(error)
             except Exception as error:  # noqa: BLE001 a defect here must not cost the rover its laser
@@ -151,7 +142,7 @@ class Hokuyo:
                 self._events.add(self._now_ns(), "defects", text, Severity.ERROR)
             if self._last_scan_ns != before_ns:
                 wait_s = self._settings.retry_min_s
-            if self._stop.wait(wait_s):
+            if self._thread.wait(wait_s):
                 break
             wait_s = min(2.0 * wait_s, self._settings.retry_max_s)
             self._events.count("reconnects")
@@ -178,7 +169,7 @@ class Hokuyo:
             self._connector.reboot(connection.talk)
             raise
         finally:
-            if self._stop.is_set():
+            if self._thread.was_stopped:
                 connection.talk.send(b"QT")  # laser and motor need not run for nobody
             connection.link.close()
 
@@ -230,7 +221,7 @@ class Hokuyo:
         silence_ns = round(max(self._settings.silence_s, SILENT_PERIODS * assembly.period_s) * 1e9)
         alive_ns = self._now_ns()
         bytes_before = talk.received_bytes
-        while not self._is_stopping():
+        while not self._thread.is_stopping():
             waited_ns = self._now_ns() - alive_ns
             if waited_ns >= silence_ns:
                 self._note_silence(talk.received_bytes > bytes_before, silence_ns)

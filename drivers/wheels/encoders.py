@@ -2,7 +2,7 @@
 
 import errno
 import threading
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 
 from drivers.canbus.advice import bitrate_advice, bus_off_advice
@@ -21,6 +21,7 @@ from drivers.measurements import (
     WheelCounts,
 )
 from drivers.settings.encoders import EncoderSettings
+from drivers.stoppable_thread import StoppableThread
 from drivers.wheels.layouts.choose import wheel_frames
 from drivers.wheels.pair import WheelPair
 
@@ -51,26 +52,21 @@ class CanEncoders:
         tap: RawTap | None = None,
         alive: Callable[[], None] = lambda: None,
     ) -> None:
-        """alive: called by the thread whenever it gets round, at least every few seconds."""
+        """alive: called by the thread in each turn of its loop, at least every few seconds."""
         self._settings = settings
-        self._alive = alive
         self._now_ns = now_ns
         self._tap = tap
         self._events = EventLog("encoders")
         self._frames = wheel_frames(settings)
         self._pair = WheelPair(settings, self._frames, self._events)
         self._errors = ErrorFrames()
-        self._counters: Counter[str] = Counter()
         self._lock = threading.Lock()
-        self._stop = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread = StoppableThread("encoders", self._run, alive)
         self._link_trouble = "not started"
         self._handed_out: deque[int] = deque(maxlen=256)
-        self._started_ns = now_ns()
 
     def start(self) -> None:
         """Begin reading; the bus may come later."""
-        self._thread = threading.Thread(target=self._run, name="encoders", daemon=True)
         self._thread.start()
 
     def drain(self) -> tuple[WheelCounts, ...]:
@@ -91,10 +87,7 @@ class CanEncoders:
         with self._lock:
             now_ns = self._now_ns()
             state, reason = self._state(now_ns)
-            counters = {
-                f"bus.{name}": count
-                for name, count in (self._counters + self._errors.counters + self._pair.counters).items()
-            }
+            counters = {f"bus.{name}": count for name, count in self._events.counters.items() if count}
             ages = {}
             for wheel in (self._pair.left, self._pair.right):
                 counters |= {f"{wheel.wheel}.{name}": count for name, count in wheel.counters.items() if count}
@@ -110,9 +103,7 @@ class CanEncoders:
 
     def close(self) -> None:
         """Stop the thread, which leaves the bus; returns within 2 s whatever the bus does."""
-        self._stop.set()
-        if self._thread is not None:
-            self._thread.join(1.9)
+        self._thread.stop()
 
     def _state(self, now_ns: int) -> tuple[SensorState, str]:
         """FAILED: odometry is not to be used; STALE: degraded; STARTING: never heard so far."""
@@ -148,26 +139,21 @@ class CanEncoders:
             )
         return SensorState.FRESH, "both wheels are heard"
 
-    def _is_stopping(self) -> bool:
-        """Asked by the thread wherever it waits, which is its sign of life."""
-        self._alive()
-        return self._stop.is_set()
-
     def _run(self) -> None:
         """Open, read until the bus fails, open again with back-off; for as long as the rover runs."""
         bus_settings = self._settings.bus
         wait_s, silence_s = bus_settings.backoff_min_s, bus_settings.silence_s
         clock = ArrivalClock()
-        while not self._is_stopping():
+        while not self._thread.is_stopping():
             try:
                 bus = CanBus(bus_settings, self._frames.ids, self._now_ns, clock)
             except LinkError as error:
                 self._note_link("open", str(error))
-                self._stop.wait(wait_s)
+                self._thread.wait(wait_s)
                 wait_s = min(2.0 * wait_s, bus_settings.backoff_max_s)
                 continue
             with self._lock:
-                self._counters["sessions"] += 1
+                self._events.count("sessions")
                 self._link_trouble = ""
                 self._errors.reopened()
             try:
@@ -177,7 +163,7 @@ class CanEncoders:
             wait_s = bus_settings.backoff_min_s if heard else min(2.0 * wait_s, bus_settings.backoff_max_s)
             # an idle bus is not opened again twice a second for ever
             silence_s = bus_settings.silence_s if heard else min(2.0 * silence_s, 8.0 * bus_settings.silence_s)
-            self._stop.wait(wait_s)
+            self._thread.wait(wait_s)
 
     def _read(self, bus: CanBus, silence_s: float) -> bool:
         """Feed frames until the bus is to be opened anew; returns whether any frame was heard."""
@@ -185,7 +171,7 @@ class CanEncoders:
         last_ns = looked_ns = self._now_ns()
         overflowed = 0
         self._wake_up(bus)
-        while not self._is_stopping():
+        while not self._thread.is_stopping():
             try:
                 frame = bus.receive(WAIT_S)
             except BusReadError as error:
@@ -193,7 +179,7 @@ class CanEncoders:
                 self._note_link("read", str(error))
                 if error.number != errno.ENETDOWN and (error.number is not None or errors >= ERRORS_BEFORE_REOPENING):
                     return heard
-                self._stop.wait(WAIT_S)  # the same socket works again when the interface is up
+                self._thread.wait(WAIT_S)  # the same socket works again when the interface is up
                 continue
             now_ns = self._now_ns()
             if now_ns - looked_ns > LOOK_NS:
@@ -219,8 +205,7 @@ class CanEncoders:
     def _tell(self, kind: str, count: int, text: str, severity: Severity = Severity.WARN) -> None:
         """Count and tell what is no failure of the link."""
         with self._lock:
-            self._counters[kind] += count
-            self._events.add(self._now_ns(), kind, text, severity)
+            self._events.add(self._now_ns(), kind, text, severity, amount=count)
 
     def _take(self, bus: CanBus, frame: CanFrame) -> None:
         """One frame: recorded first, then judged."""
@@ -243,13 +228,15 @@ class CanEncoders:
     def _take_error(self, frame: CanFrame) -> None:
         before = self._errors.condition
         names = self._errors.error(frame.arbitration_id, frame.data)
+        for name in names:
+            self._events.count(name)
         if self._errors.condition is BusCondition.OFF:
-            self._events.add(frame.stamp_ns, "bus_off", bus_off_advice(self._settings.bus), Severity.ERROR)
+            self._events.add(frame.stamp_ns, "bus_off", bus_off_advice(self._settings.bus), Severity.ERROR, amount=0)
         elif self._errors.since_good == ERRORS_WITHOUT_GOOD:
-            self._events.add(frame.stamp_ns, "bitrate", bitrate_advice(self._settings.bus), Severity.ERROR)
+            self._events.add(frame.stamp_ns, "bitrate", bitrate_advice(self._settings.bus), Severity.ERROR, amount=0)
         elif self._errors.condition is not before or "restarted" in names:
             text = f"CAN controller says {', '.join(names)}; it is now {self._errors.condition}"
-            self._events.add(frame.stamp_ns, names[0], text)
+            self._events.add(frame.stamp_ns, names[0], text, amount=0)
 
     def _wake_up(self, bus: CanBus) -> None:
         """Tell CANopen nodes to start sending."""
@@ -268,7 +255,6 @@ class CanEncoders:
     def _note_link(self, kind: str, text: str, keep: bool = False) -> None:
         """Count and tell trouble of the bus. keep: the link is not failed by it."""
         with self._lock:
-            self._counters[kind] += 1
             self._events.add(self._now_ns(), kind, text, key=f"{kind} {text}")
             if not keep:
                 self._link_trouble = text

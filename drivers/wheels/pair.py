@@ -3,7 +3,7 @@
 Never the latest left with the latest right: at 1.94 m/s a skew of 20 ms looks like 39 mm between the wheels.
 """
 
-from collections import Counter, deque
+from collections import deque
 
 from drivers.canbus.frame import CanFrame
 from drivers.events import EventLog
@@ -23,7 +23,6 @@ class WheelPair:
         self.left = WheelState(Wheel.LEFT, settings, settings.left, frames, self.events)
         self.right = WheelState(Wheel.RIGHT, settings, settings.right, frames, self.events)
         self.good_frames = 0
-        self.counters: Counter[str] = Counter()
         self._frames = frames
         self._apart_ns = settings.period_ns // 2
         self._together_ns = 2 * settings.period_ns
@@ -104,7 +103,6 @@ class WheelPair:
         other = self.right if wheel is self.left else self.left
         wheel.lost_at_ns = stamp_ns
         if other.lost_at_ns is not None and stamp_ns - other.lost_at_ns < self._together_ns:
-            self.counters["lost_together"] += 1
             text = "frames of both wheels are missing at once; the reader was held up or the bus was interrupted"
             self.events.add(stamp_ns, "lost_together", text)
 

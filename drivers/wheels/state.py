@@ -85,8 +85,9 @@ class WheelState:
         return None if self.counter.stamp_ns is None else now_ns - self.counter.stamp_ns
 
     def note(self, stamp_ns: int, kind: str, text: str, severity: Severity = Severity.WARN) -> None:
-        """An event that names this wheel."""
-        self._events.add(stamp_ns, kind, f"{self.wheel} wheel: {text}", severity, key=f"{self.wheel} {kind}")
+        """An event that names this wheel, whose own counters count it."""
+        key = f"{self.wheel} {kind}"
+        self._events.add(stamp_ns, kind, f"{self.wheel} wheel: {text}", severity, amount=0, key=key)
 
     def refuse(self, stamp_ns: int, reason: str) -> None:
         """An event for a refused frame; the counter has been counted already."""

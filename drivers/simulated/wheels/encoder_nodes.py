@@ -47,7 +47,6 @@ class EncoderNode:
         self.boot_id = settings.start_boot_id
         self.alive = 0
         self.true_count = 0
-        self.stuck_at: int | None = None
 
     def feedback(self, stamp_ns: int, travel_m: float, faults: set[str], jump: int, status: int) -> CanFrame:
         """The frame of this beat. faults: names of those that change what the node says."""

@@ -14,13 +14,13 @@ from drivers.measurements import LinkError
 from drivers.settings.can import BusSettings
 from drivers.settings.simulated_wheels import SimulatedWheelSettings, WheelFault
 from drivers.simulated.wheels.encoder_nodes import LAYOUT, EncoderNodes
+from drivers.stoppable_thread import StoppableThread
 from drivers.wheels.layouts.choose import layout_messages
 from drivers.wheels.readings import Wheel
 
 REOPEN_S = 0.2
 GONE = (errno.ENODEV, errno.ENXIO, errno.EBADF)
 BURST_ID = 0x321  # of no wheel
-STOP_S = 1.5
 
 
 class WheelNode:
@@ -41,7 +41,6 @@ class WheelNode:
             bus_settings = bus_settings.model_copy(update={"port": free_port()})
         self.bus = bus_settings
         self.frames_sent = 0
-        self.send_errors = 0
         self._settings = settings
         self._travel_at = travel_at
         self._now_ns = now_ns
@@ -49,14 +48,12 @@ class WheelNode:
         self._nodes = EncoderNodes(settings, layout_messages(LAYOUT), now_ns(), rng)
         self._burst = 0
         self._lock = threading.Lock()
-        self._stop = threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread = StoppableThread("wheel node", self._run)
         self._link: CanBus | None = None
 
     def start(self) -> None:
         """Open the bus and begin to send. Raises LinkError if the bus is not there."""
         self._link = CanBus(self.bus, (), self._now_ns)
-        self._thread = threading.Thread(target=self._run, name="wheel node", daemon=True)
         self._thread.start()
 
     def inject(self, fault: WheelFault | dict[str, Any]) -> None:
@@ -77,9 +74,7 @@ class WheelNode:
 
     def close(self) -> None:
         """Stop sending and leave the bus."""
-        self._stop.set()
-        if self._thread is not None:
-            self._thread.join(STOP_S)
+        self._thread.stop()
         if self._link is not None:
             self._link.close()
 
@@ -88,7 +83,7 @@ class WheelNode:
         period_ns = round(self._settings.period_ms * 1e6)
         right_delay_ns = round(self._settings.right_delay_ms * 1e6)
         next_ns = next_info_ns = self._now_ns()
-        while not self._stop.is_set():
+        while not self._thread.is_stopping():
             for wheel, delay_ns in ((Wheel.LEFT, 0), (Wheel.RIGHT, right_delay_ns)):
                 jitter_ns = abs(self._rng.normal(0.0, self._settings.jitter_ms * 1e6))
                 self._wait_until(next_ns + delay_ns + round(min(jitter_ns, 0.4 * period_ns)))
@@ -122,15 +117,14 @@ class WheelNode:
                 self._link.send(frame)
                 self.frames_sent += 1
             except LinkError as error:
-                self.send_errors += 1
                 if not isinstance(error, BusReadError) or error.number in GONE:
                     if self._link is not None:
                         self._link.close()
                     self._link = None
-                    self._stop.wait(REOPEN_S)
+                    self._thread.wait(REOPEN_S)
                     return
 
     def _wait_until(self, deadline_ns: int) -> None:
         remaining_ns = deadline_ns - self._now_ns()
         if remaining_ns > 0:
-            self._stop.wait(remaining_ns * 1e-9)
+            self._thread.wait(remaining_ns * 1e-9)

@@ -47,9 +47,9 @@ def counted(drive: VirtualDrive, key: str) -> int:
     counters = {
         "left": drive.pair.left.counters,
         "right": drive.pair.right.counters,
-        "bus": drive.errors.counters,
+        "bus": drive.pair.events.counters,
     }
-    return counters.get(wheel, drive.pair.counters)[name]
+    return counters.get(wheel, drive.pair.events.counters)[name]
 
 
 @pytest.mark.parametrize(("fault", "counter", "values"), FAULTS)

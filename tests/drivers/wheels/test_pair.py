@@ -1,7 +1,10 @@
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from drivers.canbus.frame import CanFrame
+from drivers.canbus.frame import ERROR, CanFrame
 from drivers.measurements import WheelCounts
 from drivers.settings.encoders import EncoderSettings, WheelSettings
 from drivers.settings.layouts import DbcLayout
@@ -10,6 +13,7 @@ from drivers.wheels.layouts.choose import layout_messages, wheel_frames
 from drivers.wheels.layouts.messages import FeedbackMessage
 from drivers.wheels.pair import WheelPair
 from drivers.wheels.readings import Wheel, WheelFrames
+from tests.support.drivers.candump import read_candump
 from tests.support.drivers.virtual_drive import FRAMES, SETTINGS, VirtualDrive
 
 PERIOD_NS = 20_000_000
@@ -97,7 +101,7 @@ def test_frames_of_both_wheels_missing_at_once_are_told_apart_from_a_node_s_faul
     run(pair, 20, 700_000)
     run(pair, 20, 700_000, first=24)
     assert pair.left.counters["lost"] == pair.right.counters["lost"] == 4
-    assert pair.counters["lost_together"] == 1
+    assert pair.events.counters["lost_together"] == 1
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -148,3 +152,16 @@ def test_speeds_alone_are_integrated_and_a_gap_is_unknown_motion() -> None:
     assert any(not sample.valid for sample in samples)
     assert samples[-1].left / settings.counts_per_metre == pytest.approx(2.0)
     assert pair.left.counters["lost"] == 29
+
+
+def test_a_recorded_drive_gives_the_counts_that_its_first_and_last_lines_say(
+    recorded_data: Callable[[str], Path],
+) -> None:
+    pair = WheelPair(SETTINGS, FRAMES)
+    for frame in read_candump(recorded_data("can_encoder") / "infant_candump.log"):
+        if not frame.flags & ERROR:
+            pair.feed(frame)
+    last = pair.take()[-1]
+    # 0xFFFFFF00 to 0x471F through the wrap; the last frame of the left wheel comes first and waits for the right one's
+    assert (last.left, last.right) == pytest.approx((0x471F + 0x100,) * 2, abs=37)
+    assert pair.left.counters["lost"] == pair.right.counters["lost"] == 0

@@ -80,7 +80,8 @@ class VirtualDrive:
         self.frames += frames
         for frame in frames:
             if frame.flags & ERROR:
-                self.errors.error(frame.arbitration_id, frame.data)
+                for name in self.errors.error(frame.arbitration_id, frame.data):
+                    self.pair.events.count(name)
             else:
                 self.pair.feed(frame)
 
