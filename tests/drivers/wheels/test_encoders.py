@@ -228,8 +228,8 @@ def test_a_burst_of_three_thousand_frames_loses_nothing() -> None:
         counters = listener.encoders.health().counters
         assert_true_motion(listener.samples, 0.05)
     assert counters.get("bus.overflow", 0) == 0
-    # a node that its own burst holds up for a whole turn of its rolling counter looks like 16 lost frames
-    assert counters.get("left.lost", 0) % 16 == counters.get("right.lost", 0) % 16 == 0
+    # a node that a busy machine lets miss beats looks, over a third of a second, like one whose frames were lost
+    assert counters.get("left.lost", 0) % ALIVE_VALUES == counters.get("right.lost", 0) % ALIVE_VALUES == 0
 
 
 def test_an_interface_that_is_not_there_is_tried_again_and_named_with_its_remedy() -> None:
