@@ -20,7 +20,12 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for group in (live, install, runs, log, rover, studies):
-    group.register(app)
+    for command in group.COMMANDS:
+        app.command(command.__name__.rstrip("_"))(command)  # import_ is a word of Python without its underscore
+log_app = typer.Typer(name="log", help=log.LOG_HELP, no_args_is_help=True)
+for command in log.LOG_COMMANDS:
+    log_app.command()(command)
+app.add_typer(log_app)
 
 
 def main() -> None:

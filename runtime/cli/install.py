@@ -9,11 +9,6 @@ import typer
 from runtime.cli.progress import AsJson
 
 
-def register(app: typer.Typer) -> None:
-    """Add this command."""
-    app.command()(install)
-
-
 def install(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="show every file and command, change nothing")] = False,
     remove: Annotated[bool, typer.Option("--remove", help="take it away again; runs and configuration stay")] = False,
@@ -48,3 +43,6 @@ def install(
         installation.apply(plan, installation.execute)
         if not as_json:
             typer.echo("removed" if remove else "installed")
+
+
+COMMANDS = (install,)

@@ -19,12 +19,6 @@ Seed = Annotated[int | None, typer.Option("--seed", help="seed of the filter and
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key; repeatable")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add these commands."""
-    for command in (run, sim, check, status, warmup):
-        app.command()(command)
-
-
 def run(
     config: Config,
     duration: Annotated[
@@ -43,7 +37,7 @@ def run(
     from runtime.service.systemd import ServiceManager
     from runtime.settings.configuration import load_configuration
     from runtime.settings.overrides import key_values
-    from runtime.setup.usable import refuse_unusable
+    from runtime.setup.validation import validate_for_live_run
 
     overrides = key_values(set_ or [])
     if seed is not None:
@@ -53,7 +47,7 @@ def run(
         if seed is not None:
             configuration = load_configuration(config, {**overrides, "simulation.world.seed": str(seed)})
         duration = SIMULATED_DURATION_S if duration is None else duration
-    refuse_unusable(configuration, str(config))
+    validate_for_live_run(configuration, str(config))
     stop = stop_on_signals()
     folder = RunFolder.create(out, Path(configuration.record.folder))
     manager = ServiceManager(os.environ.get("NOTIFY_SOCKET", ""))
@@ -87,7 +81,7 @@ def sim(
     Lines on standard input let something go wrong: 'laser silence duration_s=2', 'wheels bus_off', 'clear laser'.
     """
     from runtime.errors import UsageError
-    from runtime.simulation.desk import serve_desk, serve_laser
+    from runtime.simulation.serve import serve_laser, serve_rover
 
     overrides = laser_overrides(model, listen, pty)
     stop = stop_on_signals()
@@ -96,7 +90,7 @@ def sim(
     elif config is None:
         raise UsageError("--config: missing; give a TOML file with a [simulation] table, or --laser-only")
     else:
-        serve_desk(config, overrides, stop, sys.stdout, sys.stdin)
+        serve_rover(config, overrides, stop, sys.stdout, sys.stdin)
 
 
 def laser_overrides(model: str | None, listen: str | None, pty: str | None) -> dict[str, str]:
@@ -126,23 +120,23 @@ def check(
     from runtime.errors import PreflightError
     from runtime.settings.configuration import load_configuration
     from runtime.settings.overrides import key_values
-    from runtime.setup.preflight import Finding, Verdict, preflight, preflight_result, worst
-    from runtime.setup.usable import refuse_unusable
+    from runtime.setup.preflight import Check, CheckResult, preflight, preflight_result, worst_result
+    from runtime.setup.validation import validate_for_live_run
 
     configuration = load_configuration(config, key_values(set_ or []))
     if configuration.laser is not None and configuration.encoders is not None:  # else it is for recorded data
-        refuse_unusable(configuration, str(config))
-    findings: list[Finding] = []
-    steps = preflight(configuration) if live else iter([Finding("configuration", Verdict.PASS, str(config))])
-    for finding in steps:
-        findings.append(finding)
+        validate_for_live_run(configuration, str(config))
+    checks: list[Check] = []
+    steps = preflight(configuration) if live else iter([Check("configuration", CheckResult.PASS, str(config))])
+    for each in steps:
+        checks.append(each)
         if not as_json:
-            remedy = f"; {finding.remedy}" if finding.remedy else ""
-            typer.echo(f"{finding.verdict:4s} {finding.name:13s} {finding.reason}{remedy}")
+            remedy = f"; {each.remedy}" if each.remedy else ""
+            typer.echo(f"{each.verdict:4s} {each.name:13s} {each.reason}{remedy}")
     if as_json:
-        typer.echo(json.dumps({"config": str(config), "sha256": configuration.sha256} | preflight_result(findings)))
-    if worst(findings) is Verdict.FAIL:
-        failed = ", ".join(finding.name for finding in findings if finding.verdict is Verdict.FAIL)
+        typer.echo(json.dumps({"config": str(config), "sha256": configuration.sha256} | preflight_result(checks)))
+    if worst_result(checks) is CheckResult.FAIL:
+        failed = ", ".join(each.name for each in checks if each.verdict is CheckResult.FAIL)
         raise PreflightError(f"not ready to drive: {failed}; the remedy stands beside each")
 
 
@@ -186,3 +180,6 @@ def warmup(as_json: AsJson = False) -> None:
     forget_other_versions(cache)
     if as_json:
         typer.echo(json.dumps({"seconds": round(time.monotonic() - began_s, 3), "cache": str(cache)}))
+
+
+COMMANDS = (run, sim, check, status, warmup)

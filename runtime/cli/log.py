@@ -12,16 +12,6 @@ from runtime.cli.progress import AsJson, busy
 Run = Annotated[Path, typer.Argument(help="folder of a run", show_default=False)]
 
 
-def register(app: typer.Typer) -> None:
-    """Add these commands."""
-    words = "What a recorded run holds, and whether it is what was written."
-    log = typer.Typer(name="log", help=words, no_args_is_help=True)
-    for command in (info, verify, recover):
-        log.command()(command)
-    app.add_typer(log)
-    app.command()(mark)
-
-
 def info(run: Run, as_json: AsJson = False) -> None:
     """Show header, segments, marks and what is gone."""
     from runtime.record.check import run_info
@@ -102,3 +92,8 @@ def mark(
     else:
         waits = "" if taken else "  (the recorder has not answered yet; the mark waits)"
         typer.echo(f"marked    {folder.path}{waits}")
+
+
+COMMANDS = (mark,)
+LOG_COMMANDS = (info, verify, recover)
+LOG_HELP = "What a recorded run holds, and whether it is what was written."

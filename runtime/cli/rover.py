@@ -16,11 +16,6 @@ class Asked(StrEnum):
     stop = "stop"
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command()(command)
-
-
 def command(
     asked: Annotated[Asked, typer.Argument(help="mark this moment, save what is recorded, or stop recording")],
     reason: Annotated[str, typer.Argument(help="what was seen; a mark needs one")] = "",
@@ -46,3 +41,6 @@ def command(
         typer.echo(f"{rover} accepted {asked.value}; the event stands in its log")
     if not answer.accepted:
         raise UsageError(f"{rover} refused {asked.value}: {answer.reason}")
+
+
+COMMANDS = (command,)

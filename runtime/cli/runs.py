@@ -22,17 +22,6 @@ class FailOn(StrEnum):
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add these commands."""
-    app.command()(replay)
-    app.command("import")(import_)
-    app.command()(evaluate)
-    app.command()(calibrate)
-    app.command()(review)
-    app.command()(compare)
-    app.command()(view)
-
-
 def replay(
     run: Run,
     config: Annotated[Path | None, typer.Option("--config", help="another configuration than the recorded one")] = None,
@@ -178,3 +167,6 @@ def calibrate(
     typer.echo("\n".join(calibration_lines(result)))
     if write is not None:
         typer.echo(f"written   {write} ({', '.join(changed) or 'nothing changed'})")
+
+
+COMMANDS = (replay, import_, evaluate, calibrate, review, compare, view)

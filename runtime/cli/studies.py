@@ -30,16 +30,6 @@ class Part(StrEnum):
     ALL = "all"
 
 
-def register(app: typer.Typer) -> None:
-    """Add these commands."""
-    app.command()(paper)
-    app.command()(sweep)
-    app.command()(quality)
-    app.command()(rate)
-    app.command()(soak)
-    app.command()(bench)
-
-
 def paper(
     part: Annotated[Part, typer.Argument(help="a figure, the table, the ablation, the published pose, or all")],
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="drives for each arm")] = 20,
@@ -51,8 +41,11 @@ def paper(
     as_json: AsJson = False,
 ) -> None:
     """Reproduce the paper's figures with their spread over seeds, and say what holds."""
-    from runtime.studies.paper.reproduce import reproduce, study_lines
-    from runtime.studies.paper.study import PARTS, Study
+    from runtime.optional_packages import needs
+
+    with needs("matplotlib", "infant paper"):
+        from runtime.studies.paper.reproduce import reproduce, study_lines
+        from runtime.studies.paper.study import PARTS, Study
 
     parts = PARTS if part is Part.ALL else (part.value,)
     result = reproduce(Study(parts, seeds, particles), out, chosen_scheduler(scheduler), job_progress("paper"))
@@ -162,3 +155,6 @@ def bench(as_json: AsJson = False) -> None:
             typer.echo(f"{measure.name:42s} {measure.value:10g} {measure.unit}{p99}")
     if as_json:
         typer.echo(json.dumps({"results": results}))
+
+
+COMMANDS = (paper, sweep, quality, rate, soak, bench)

@@ -8,8 +8,9 @@ import sys
 from pathlib import Path
 from typing import IO
 
+from runtime.errors import UsageError
 from runtime.messages.pipe import CARRIED, read_frames
-from runtime.review.writer import ReviewWriter
+from runtime.optional_packages import needs
 from runtime.settings.review import ReviewSettings
 from slam.pose import Pose2
 
@@ -17,7 +18,12 @@ NICENESS = 10
 
 
 def draw_from(stream: IO[bytes], path: Path, what: str) -> None:
-    """Draw what comes until the stream ends; `what` is JSON: settings, mount, facts of the run."""
+    """Draw what comes until the stream ends; `what` is JSON: settings, mount, facts of the run.
+
+    Raises UsageError where rerun is absent, StorageError.
+    """
+    with needs("rerun", "the picture of a run"):
+        from runtime.review.writer import ReviewWriter
     given = json.loads(what)
     writer = ReviewWriter(path, ReviewSettings(**given["settings"]), Pose2(*given["mount"]), given["facts"])
     is_renewed = False
@@ -37,4 +43,7 @@ if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(OSError):  # a service manager may forbid it; the picture is drawn all the same
         os.nice(NICENESS)
-    draw_from(sys.stdin.buffer, Path(sys.argv[1]), sys.argv[2])
+    try:
+        draw_from(sys.stdin.buffer, Path(sys.argv[1]), sys.argv[2])
+    except UsageError as error:
+        sys.exit(str(error))  # the loop's process tells it on

@@ -7,6 +7,7 @@ from pathlib import Path
 from runtime.atomic_write import replacement
 from runtime.errors import StorageError
 from runtime.messages.pipe import TOPICS
+from runtime.optional_packages import needs
 from runtime.record.folder import RunFolder
 from runtime.record.reader import RunReader
 from runtime.settings.configuration import load_configuration_text
@@ -21,11 +22,12 @@ def build_review(
 ) -> None:
     """Make review.rrd again from a run, as one file; the old ones stay until the new one is whole.
 
-    progress is told the share that is done. Raises NotARunError, StorageError.
+    progress is told the share that is done. Raises NotARunError, StorageError, UsageError (no rerun).
     """
     os.environ.setdefault("RUST_LOG", "error")  # rerun's own words are not for whoever asked for a picture
-    from runtime.review.truth import truth_track
-    from runtime.review.writer import ReviewWriter
+    with needs("rerun", "the picture of a run"):
+        from runtime.review.truth import truth_track
+        from runtime.review.writer import ReviewWriter
 
     reader = RunReader(run)
     header = reader.header

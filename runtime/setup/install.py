@@ -15,7 +15,7 @@ from pathlib import Path
 from runtime.atomic_write import atomic_write
 from runtime.errors import PreflightError, StorageError
 from runtime.settings.configuration import load_configuration
-from runtime.setup.usable import refuse_unusable
+from runtime.setup.validation import validate_for_live_run
 from runtime.source_tree import CONFIG, ROOT
 
 SHIPPED_PROGRAM = Path("/opt/infant/.venv/bin/infant")  # as the units of the repository name it
@@ -73,12 +73,12 @@ def plan_install(root: Path, program: Path, configuration: Path | None = None) -
     """
     files = tuple(_planned(ROOT / name, root / place, program) for name, place in PLACES.items())
     source = configuration or CONFIG / "rover.toml"
-    refuse_unusable(load_configuration(source), str(source))
+    validate_for_live_run(load_configuration(source), str(source))
     chosen = _planned(source, root / CONFIGURATION, program)
     notes: tuple[str, ...] = ()
     if chosen.state is FileState.DIFFERS:
         chosen = PlannedFile(chosen.path, chosen.text, FileState.KEPT, chosen.diff)
-        refuse_unusable(load_configuration(chosen.path), str(chosen.path))
+        validate_for_live_run(load_configuration(chosen.path), str(chosen.path))
         notes += (f"{chosen.path} is kept as it is: a configuration is never overwritten",)
     if root == Path("/"):
         live = _live_commands()

@@ -31,7 +31,7 @@ WARM_S = 10.0
 EARLIEST_CLOCK_S = 1_735_689_600  # 2025-01-01: a clock before this has not been set
 
 
-class Verdict(StrEnum):
+class CheckResult(StrEnum):
     """Result of one check; the worst one is the result of all."""
 
     PASS = "PASS"
@@ -40,25 +40,25 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Check:
     """One check: what was seen, and what to do about it ("" when there is nothing to do)."""
 
     name: str
-    verdict: Verdict
+    verdict: CheckResult
     reason: str
     remedy: str = ""
 
 
-def worst(findings: list[Finding]) -> Verdict:
+def worst_result(checks: list[Check]) -> CheckResult:
     """FAIL outranks WARN outranks PASS."""
-    return max((finding.verdict for finding in findings), key=list(Verdict).index, default=Verdict.PASS)
+    return max((check.verdict for check in checks), key=list(CheckResult).index, default=CheckResult.PASS)
 
 
-def preflight(configuration: Configuration) -> Iterator[Finding]:
+def preflight(configuration: Configuration) -> Iterator[Check]:
     """Every check in turn; slow ones last. Raises ConfigurationError when a sensor is not configured."""
     if configuration.laser is None or configuration.encoders is None:
         raise ConfigurationError("[laser] and [encoders]: missing; a live check needs both tables")
-    yield Finding("configuration", Verdict.PASS, f"sha256 {configuration.sha256[:12]}")
+    yield Check("configuration", CheckResult.PASS, f"sha256 {configuration.sha256[:12]}")
     yield check_clock(time.time())
     yield check_disk(Path(configuration.record.folder))
     yield check_real_time(configuration.loop.priority)
@@ -68,67 +68,67 @@ def preflight(configuration: Configuration) -> Iterator[Finding]:
     yield from check_sensors(configuration, configuration.laser, configuration.encoders)
 
 
-def check_clock(wall_s: float) -> Finding:
+def check_clock(wall_s: float) -> Check:
     """A wall clock that was never set makes the date of every run wrong; nothing else depends on it."""
     if wall_s < EARLIEST_CLOCK_S:
-        return Finding(
+        return Check(
             "clock",
-            Verdict.WARN,
+            CheckResult.WARN,
             f"the wall clock says {time.strftime('%Y-%m-%d', time.gmtime(wall_s))}",
             "set it (timedatectl set-time) or wait for NTP; stamps in a run are monotonic and stay right",
         )
-    return Finding("clock", Verdict.PASS, time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(wall_s)))
+    return Check("clock", CheckResult.PASS, time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(wall_s)))
 
 
-def check_disk(folder: Path) -> Finding:
+def check_disk(folder: Path) -> Check:
     """Free space in hours of recording, and whether the folder can be written."""
     existing = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     if not os.access(existing, os.W_OK):
         remedy = "mount it read-write or change record.folder"
-        return Finding("disk", Verdict.FAIL, f"{existing} cannot be written", remedy)
+        return Check("disk", CheckResult.FAIL, f"{existing} cannot be written", remedy)
     hours = shutil.disk_usage(existing).free / BYTES_PER_HOUR
     reason = f"{hours:.1f} hours of recording are free in {existing}"
     if hours < LEAST_HOURS:
-        return Finding("disk", Verdict.FAIL, reason, "remove old runs or change record.folder")
+        return Check("disk", CheckResult.FAIL, reason, "remove old runs or change record.folder")
     if hours < GOOD_HOURS:
-        return Finding("disk", Verdict.WARN, reason, "remove old runs before a long drive")
-    return Finding("disk", Verdict.PASS, reason)
+        return Check("disk", CheckResult.WARN, reason, "remove old runs before a long drive")
+    return Check("disk", CheckResult.PASS, reason)
 
 
-def check_real_time(priority: int) -> Finding:
+def check_real_time(priority: int) -> Check:
     """Whether the loop may have its priority and its locked memory."""
     if priority == 0:
         reason = "loop.priority is 0: none is asked for"
-        return Finding("real time", Verdict.WARN, reason, "set loop.priority = 50 on a rover")
+        return Check("real time", CheckResult.WARN, reason, "set loop.priority = 50 on a rover")
     allowed = max(resource.getrlimit(resource.RLIMIT_RTPRIO)[0], 99 if os.geteuid() == 0 else 0)
     if allowed < priority:
-        return Finding(
+        return Check(
             "real time",
-            Verdict.WARN,
+            CheckResult.WARN,
             f"priority {priority} is asked for, {allowed} allowed",
             "run as the service, or set LimitRTPRIO=60; without it ticks can be late under load",
         )
-    return Finding("real time", Verdict.PASS, f"priority {priority} is allowed")
+    return Check("real time", CheckResult.PASS, f"priority {priority} is allowed")
 
 
-def check_calibration(configuration: Configuration) -> Finding:
+def check_calibration(configuration: Configuration) -> Check:
     """Whether the geometry differs from what the program is delivered with."""
     vehicle = configuration.vehicle
     names = ("wheel_radius_left_m", "wheel_radius_right_m", "tread_m")
     measured = any(getattr(vehicle, name) != getattr(type(vehicle)(), name) for name in names)
     if measured:
-        return Finding("calibration", Verdict.PASS, "wheel radii and tread are not those of the drawing")
+        return Check("calibration", CheckResult.PASS, "wheel radii and tread are not those of the drawing")
     if configuration.simulation is not None:
-        return Finding("calibration", Verdict.PASS, "simulated wheels are as designed")
-    return Finding(
+        return Check("calibration", CheckResult.PASS, "simulated wheels are as designed")
+    return Check(
         "calibration",
-        Verdict.WARN,
+        CheckResult.WARN,
         "wheel radii and tread are those of the drawing",
         "drive some loops both ways, then: infant calibrate RUN --write FILE",
     )
 
 
-def check_endpoint(endpoint: str) -> Finding:
+def check_endpoint(endpoint: str) -> Check:
     """Whether the port that tools expect is free."""
     address, _, port = endpoint.partition("/")[2].rpartition(":")
     try:
@@ -136,22 +136,22 @@ def check_endpoint(endpoint: str) -> Finding:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((address.strip("[]"), int(port)))
     except (OSError, ValueError) as error:
-        return Finding("zenoh", Verdict.WARN, f"{endpoint}: {error}", "another rover here? the next port is used")
-    return Finding("zenoh", Verdict.PASS, f"{endpoint} is free")
+        return Check("zenoh", CheckResult.WARN, f"{endpoint}: {error}", "another rover here? the next port is used")
+    return Check("zenoh", CheckResult.PASS, f"{endpoint} is free")
 
 
-def check_compile_cache(configuration: Configuration) -> Finding:
+def check_compile_cache(configuration: Configuration) -> Check:
     """Compile or load the kernels now; long means that there was no cache."""
     began_s = time.monotonic()
     Estimator.warm_up(configuration.slam)
     took_s = time.monotonic() - began_s
     if took_s > WARM_S:
         reason = f"kernels were compiled just now, {took_s:.0f} s"
-        return Finding("compile cache", Verdict.WARN, reason, "none; the next start finds them")
-    return Finding("compile cache", Verdict.PASS, f"kernels loaded in {took_s:.1f} s")
+        return Check("compile cache", CheckResult.WARN, reason, "none; the next start finds them")
+    return Check("compile cache", CheckResult.PASS, f"kernels loaded in {took_s:.1f} s")
 
 
-def check_sensors(configuration: Configuration, laser: LaserSettings, encoders: EncoderSettings) -> Iterator[Finding]:
+def check_sensors(configuration: Configuration, laser: LaserSettings, encoders: EncoderSettings) -> Iterator[Check]:
     """Start both drivers, listen for some seconds and judge state and rate."""
     rover, pause = None, threading.Event()
     if configuration.simulation is not None:
@@ -174,20 +174,20 @@ def check_sensors(configuration: Configuration, laser: LaserSettings, encoders: 
             rover.close()
 
 
-def judge_sensor(name: str, health: SensorHealth, target_hz: float) -> Finding:
+def judge_sensor(name: str, health: SensorHealth, target_hz: float) -> Check:
     """FAIL when nothing usable comes, WARN when the rate or a counter is off."""
     if health.state is not SensorState.FRESH:
-        return Finding(name, Verdict.FAIL, f"{health.state}: {health.reason}", "check power, cable and configuration")
+        return Check(name, CheckResult.FAIL, f"{health.state}: {health.reason}", "check power, cable and configuration")
     facts = ", ".join(f"{key} {value}" for key, value in health.facts.items() if value)
     reason = f"{health.rate_hz:.2f} Hz of {target_hz:g}; {facts}"
     if abs(health.rate_hz / target_hz - 1.0) > RATE_TOLERANCE:
         remedy = f"the rate is more than {RATE_TOLERANCE:.0%} off: check the sensor's settings"
-        return Finding(name, Verdict.WARN, reason, remedy)
+        return Check(name, CheckResult.WARN, reason, remedy)
     if "advice" in health.facts:
-        return Finding(name, Verdict.WARN, reason, "change the configuration as advised, or accept it")
-    return Finding(name, Verdict.PASS, reason)
+        return Check(name, CheckResult.WARN, reason, "change the configuration as advised, or accept it")
+    return Check(name, CheckResult.PASS, reason)
 
 
-def preflight_result(findings: list[Finding]) -> dict[str, Any]:
+def preflight_result(checks: list[Check]) -> dict[str, Any]:
     """As --json prints it."""
-    return {"result": worst(findings), "checks": [asdict(finding) for finding in findings]}
+    return {"result": worst_result(checks), "checks": [asdict(check) for check in checks]}

@@ -10,7 +10,7 @@ from drivers.settings.simulated_laser import LaserFault
 from drivers.settings.simulated_wheels import WheelFault
 from runtime.errors import UsageError
 
-HOW = "for example 'laser silence duration_s=2', 'wheels bus_off duration_s=1' or 'clear laser'"
+EXAMPLES = "for example 'laser silence duration_s=2', 'wheels bus_off duration_s=1' or 'clear laser'"
 FAULTS: dict[str, tuple[type[BaseModel], str]] = {"laser": (LaserFault, "kind"), "wheels": (WheelFault, "name")}
 
 
@@ -24,7 +24,7 @@ class Device(Protocol):
         """End all faults."""
 
 
-def follow(lines: TextIO, devices: Mapping[str, Device], say: Callable[[str], object]) -> threading.Thread:
+def obey_lines(lines: TextIO, devices: Mapping[str, Device], say: Callable[[str], object]) -> threading.Thread:
     """Obey lines from a thread of its own until they end; each is answered by one sentence through `say`."""
 
     def listen() -> None:
@@ -35,7 +35,7 @@ def follow(lines: TextIO, devices: Mapping[str, Device], say: Callable[[str], ob
                 except UsageError as error:
                     say(str(error))
 
-    thread = threading.Thread(target=listen, name="desk faults", daemon=True)
+    thread = threading.Thread(target=listen, name="typed-faults", daemon=True)
     thread.start()
     return thread
 
@@ -50,7 +50,7 @@ def obey(line: str, devices: Mapping[str, Device]) -> str:
         _known(words[1], devices).clear()
         return f"{words[1]}: no faults"
     if len(words) < 2:
-        raise UsageError(f"{line.strip()}: not understood; type a device and a fault, {HOW}")
+        raise UsageError(f"{line.strip()}: not understood; type a device and a fault, {EXAMPLES}")
     device = _known(words[0], devices)
     model, name = FAULTS[words[0]]
     fields = {name: words[1]} | dict(_key_value(word) for word in words[2:])
@@ -63,14 +63,14 @@ def obey(line: str, devices: Mapping[str, Device]) -> str:
 
 def _known(name: str, devices: Mapping[str, Device]) -> Device:
     if name not in devices:
-        raise UsageError(f"{name}: no such device here; expected {' or '.join(devices)}, {HOW}")
+        raise UsageError(f"{name}: no such device here; expected {' or '.join(devices)}, {EXAMPLES}")
     return devices[name]
 
 
 def _key_value(word: str) -> tuple[str, str]:
     key, equals, text = word.partition("=")
     if not key or not equals:
-        raise UsageError(f"{word}: expected KEY=VALUE, {HOW}")
+        raise UsageError(f"{word}: expected KEY=VALUE, {EXAMPLES}")
     return key, text
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from runtime.errors import UsageError
+from runtime.optional_packages import needs
 
 TITLES = {"lost_score": "kidnapped, by lost_score", "lost_blind_s": "blinded, by lost_blind_s"}
 
@@ -21,11 +21,9 @@ class CurvePoint:
 
 def draw(points: Sequence[CurvePoint], path: Path) -> None:
     """One panel for each bound. Raises UsageError where the extra `review` is missing."""
-    try:
+    with needs("matplotlib", "the curve"):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
-    except ModuleNotFoundError as error:
-        raise UsageError("the picture needs the extra: pip install 'infant[review]'") from error
     figure = Figure(figsize=(9.0, 4.0), layout="constrained")
     FigureCanvasAgg(figure)
     for panel, (bound, title) in zip(figure.subplots(1, 2), TITLES.items(), strict=True):

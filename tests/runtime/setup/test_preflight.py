@@ -7,41 +7,47 @@ import pytest
 from drivers.measurements import SensorHealth, SensorState
 from runtime.settings.configuration import load_configuration_text
 from runtime.setup.preflight import (
-    Finding,
-    Verdict,
+    Check,
+    CheckResult,
     check_calibration,
     check_clock,
     check_disk,
     check_endpoint,
     check_real_time,
     judge_sensor,
-    worst,
+    worst_result,
 )
 
+PASS, WARN, FAIL = CheckResult
 
-def finding(verdict: Verdict) -> Finding:
-    return Finding("x", verdict, "")
+
+def finding(verdict: CheckResult) -> Check:
+    return Check("x", verdict, "")
 
 
 @pytest.mark.parametrize(
     ("verdicts", "expected"),
-    [([], Verdict.PASS), ([Verdict.PASS, Verdict.WARN], Verdict.WARN), (list(Verdict), Verdict.FAIL)],
+    [
+        ([], PASS),
+        ([PASS, WARN], WARN),
+        (list(CheckResult), FAIL),
+    ],
 )
-def test_the_worst_finding_is_the_result(verdicts: list[Verdict], expected: Verdict) -> None:
-    assert worst([finding(verdict) for verdict in verdicts]) is expected
+def test_the_worst_finding_is_the_result(verdicts: list[CheckResult], expected: CheckResult) -> None:
+    assert worst_result([finding(verdict) for verdict in verdicts]) is expected
 
 
 def test_a_clock_that_was_never_set_is_a_warning_with_a_remedy() -> None:
     found = check_clock(86400.0)
-    assert found.verdict is Verdict.WARN
+    assert found.verdict is WARN
     assert "1970-01-02" in found.reason
     assert "timedatectl" in found.remedy
-    assert check_clock(2e9).verdict is Verdict.PASS
+    assert check_clock(2e9).verdict is PASS
 
 
-@pytest.mark.parametrize(("free_bytes", "expected"), [(1e8, Verdict.FAIL), (1e9, Verdict.WARN), (1e11, Verdict.PASS)])
+@pytest.mark.parametrize(("free_bytes", "expected"), [(1e8, FAIL), (1e9, WARN), (1e11, PASS)])
 def test_disk_space_is_judged_in_hours(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free_bytes: float, expected: Verdict
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free_bytes: float, expected: CheckResult
 ) -> None:
     usage = SimpleNamespace(total=2e11, used=2e11 - free_bytes, free=free_bytes)
     monkeypatch.setattr("runtime.setup.preflight.shutil.disk_usage", lambda _path: usage)
@@ -54,15 +60,15 @@ def test_a_priority_that_is_not_allowed_is_a_warning(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("runtime.setup.preflight.os.geteuid", lambda: 1000)
     monkeypatch.setattr("runtime.setup.preflight.resource.getrlimit", lambda _limit: (0, 0))
     found = check_real_time(50)
-    assert found.verdict is Verdict.WARN
+    assert found.verdict is WARN
     assert "LimitRTPRIO" in found.remedy
-    assert check_real_time(0).verdict is Verdict.WARN
+    assert check_real_time(0).verdict is WARN
 
 
 def test_wheels_as_drawn_ask_for_a_calibration_and_measured_ones_do_not() -> None:
-    assert check_calibration(load_configuration_text("")).verdict is Verdict.WARN
+    assert check_calibration(load_configuration_text("")).verdict is WARN
     measured = load_configuration_text("[vehicle]\nwheel_radius_left_m = 0.1247")
-    assert check_calibration(measured).verdict is Verdict.PASS
+    assert check_calibration(measured).verdict is PASS
 
 
 def test_a_taken_port_is_a_warning() -> None:
@@ -70,11 +76,11 @@ def test_a_taken_port_is_a_warning() -> None:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        assert check_endpoint(f"tcp/127.0.0.1:{port}").verdict is Verdict.WARN
-    assert check_endpoint(f"tcp/127.0.0.1:{port}").verdict is Verdict.PASS
+        assert check_endpoint(f"tcp/127.0.0.1:{port}").verdict is WARN
+    assert check_endpoint(f"tcp/127.0.0.1:{port}").verdict is PASS
 
 
 def test_a_silent_sensor_fails_and_a_slow_one_warns() -> None:
-    assert judge_sensor("laser", SensorHealth(SensorState.STARTING, "no answer", 0.0), 10.0).verdict is Verdict.FAIL
-    assert judge_sensor("laser", SensorHealth(SensorState.FRESH, "", 5.0), 10.0).verdict is Verdict.WARN
-    assert judge_sensor("laser", SensorHealth(SensorState.FRESH, "", 9.98), 10.0).verdict is Verdict.PASS
+    assert judge_sensor("laser", SensorHealth(SensorState.STARTING, "no answer", 0.0), 10.0).verdict is FAIL
+    assert judge_sensor("laser", SensorHealth(SensorState.FRESH, "", 5.0), 10.0).verdict is WARN
+    assert judge_sensor("laser", SensorHealth(SensorState.FRESH, "", 9.98), 10.0).verdict is PASS

@@ -1,4 +1,4 @@
-"""`infant sim`: the simulated devices alone, for a desk or another program's client."""
+"""`infant sim`: the simulated devices alone, for any SCIP or CAN client."""
 
 import threading
 import time
@@ -12,15 +12,15 @@ from drivers.simulated.rover import Rover, world_for
 from drivers.simulated.world.world import World
 from runtime.errors import ConfigurationError
 from runtime.settings.configuration import load_configuration, load_configuration_text
-from runtime.simulation.typed_faults import HOW, Device, follow
+from runtime.simulation.typed_faults import EXAMPLES, Device, obey_lines
 
 
-def serve_desk(
+def serve_rover(
     config: Path, overrides: dict[str, str], stop: threading.Event, stream: TextIO, faults: TextIO | None = None
 ) -> None:
     """Start all devices of a configuration, print where they are, and run until `stop`.
 
-    faults: lines that let something go wrong meanwhile, see runtime.desk_faults.
+    faults: lines that let something go wrong meanwhile, see typed_faults.py.
 
     Raises ConfigurationError when the configuration describes no simulated rover.
     """
@@ -61,7 +61,7 @@ def _wait(devices: Mapping[str, Device], stop: threading.Event, stream: TextIO, 
         stream.flush()
 
     if faults is not None:
-        say(f"faults one a line: {HOW}")
-        follow(faults, devices, say)
+        say(f"faults one a line: {EXAMPLES}")
+        obey_lines(faults, devices, say)
     stream.flush()
     stop.wait()

@@ -1,4 +1,4 @@
-"""What no waiting mends is refused before anything is started: no folder is made, no thread runs, exit code 3."""
+"""A configuration with which a live run cannot begin is refused before anything is started, with exit code 3."""
 
 import can
 
@@ -8,7 +8,7 @@ from runtime.errors import ConfigurationError
 from runtime.settings.configuration import Configuration
 
 
-def refuse_unusable(configuration: Configuration, source: str) -> None:
+def validate_for_live_run(configuration: Configuration, source: str) -> None:
     """Raises ConfigurationError where a live run cannot begin with this; source: the file, for the sentence.
 
     A sensor that does not answer or an interface that is down is none of these: these come back, and are states.

@@ -1,0 +1,22 @@
+"""Packages that only some commands need: where one is absent, the command says in one sentence what to install."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from runtime.errors import UsageError
+
+HOW_TO_INSTALL = {
+    "rerun": "pip install rerun-sdk, or drive without a picture: review.live = false",
+    "matplotlib": "pip install 'infant[review]'",
+}
+
+
+@contextmanager
+def needs(package: str, what: str) -> Iterator[None]:
+    """Import inside what `what` needs. Raises UsageError where the package is absent."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != package:
+            raise
+        raise UsageError(f"{what} needs the package {package}, which is not here: {HOW_TO_INSTALL[package]}") from error
