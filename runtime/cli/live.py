@@ -170,6 +170,7 @@ def status(
 
 def warmup(as_json: AsJson = False) -> None:
     """Compile the kernels of the filter into the cache, so that no run has to; make and the service call it."""
+    from runtime.live.kernels import mark_complete
     from slam.estimator import Estimator
     from slam.kernel_cache import forget_other_versions, use_compile_cache
 
@@ -178,6 +179,7 @@ def warmup(as_json: AsJson = False) -> None:
         Estimator.warm_up()
     cache = use_compile_cache(os.environ)
     forget_other_versions(cache)
+    mark_complete(cache)
     if as_json:
         typer.echo(json.dumps({"seconds": round(time.monotonic() - began_s, 3), "cache": str(cache)}))
 

@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
+from runtime.cli.progress import AsJson
 
-class Asked(StrEnum):
+
+class CommandWord(StrEnum):
     """Words of the command line; the same as runtime.commands.Command, which is imported only when it is needed."""
 
     mark = "mark"
@@ -17,16 +19,14 @@ class Asked(StrEnum):
 
 
 def command(
-    asked: Annotated[Asked, typer.Argument(help="mark this moment, save what is recorded, or stop recording")],
+    asked: Annotated[CommandWord, typer.Argument(help="mark this moment, save what is recorded, or stop recording")],
     reason: Annotated[str, typer.Argument(help="what was seen; a mark needs one")] = "",
     rover: Annotated[str, typer.Option("--rover", help="its name in the configuration")] = "infant",
     connect: Annotated[str, typer.Option("--connect", help="endpoint of the rover or router")] = "tcp/127.0.0.1:7447",
     zenoh_file: Annotated[
         Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate, for example for a fleet")
     ] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="one JSON object on standard output and nothing else there")
-    ] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Tell a rover over zenoh to mark, save or stop its recording; it must have publish.commands and access rules."""
     from runtime.commands import Command

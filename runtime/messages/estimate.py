@@ -1,4 +1,4 @@
-"""The estimate to bytes and back: the pose and its covariance to the last bit, what only eyes look at as float32."""
+"""The estimate to bytes and back: the pose and its covariance to the last bit, what a reviewer looks at as float32."""
 
 from typing import Any
 

@@ -1,6 +1,6 @@
 """What a run's messages mean: Tick and its companions to bytes and back, to the last bit.
 
-Both directions of each message stand beside each other; /scan stands in ros_messages.py because other tools read it.
+Both directions of each message stand beside each other; /scan stands in ros.py because other tools read it.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ EMPTY: FloatArray = np.empty(0)
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One message as it stands in run.mcap: the topic names its type (message_definitions.TYPES)."""
+    """One message as it stands in run.mcap: the topic names its type (definitions.TYPES)."""
 
     topic: str
     stamp_ns: int
@@ -49,7 +49,7 @@ def decode(topic: str, data: bytes) -> Any:
 
 
 def encode_tick(tick: Tick) -> Record:
-    """All of the tick but the ranges of a Scan, which the LaserScan on /scan holds (see ros_messages.encode_scan)."""
+    """All of the tick but the ranges of a Scan, which the LaserScan on /scan holds (see ros.encode_scan)."""
     kinds, stamps_ns, values = wheel_columns(tick.wheels)
     return encode(
         "/tick",

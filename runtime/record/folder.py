@@ -95,7 +95,7 @@ class RunFolder:
 
     @property
     def review_path(self) -> Path:
-        """The same for eyes; can be made again. Of a long run that was drawn live: its last part."""
+        """The picture of the run; can be made again. Of a long run that was drawn live: its last part."""
         return self.path / "review.rrd"
 
     @staticmethod

@@ -80,12 +80,12 @@ class Manifest:
 
     def ticks(self, name: str, otherwise: int) -> int:
         """How many ticks a closed segment has to hold, or went with a lost one."""
-        told = [line["ticks"] for line in self.lines if line["kind"] in ("segment", "lost") and line["name"] == name]
-        return int(told[-1]) if told else otherwise
+        counts = [line["ticks"] for line in self.lines if line["kind"] in ("segment", "lost") and line["name"] == name]
+        return int(counts[-1]) if counts else otherwise
 
     @property
     def marks(self) -> list[Facts]:
-        """What `infant mark` was told: from_ns, to_ns and reason."""
+        """The marks that were left: from_ns, to_ns and reason."""
         return [line for line in self.lines if line["kind"] == "mark"]
 
     def is_marked(self, name: str) -> bool:

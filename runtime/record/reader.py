@@ -28,7 +28,7 @@ from runtime.tick import Tick, Timing
 from slam.estimate import Estimate
 from slam.pose import Pose2
 
-LOSSES_TOLD = 3
+LOSSES_SHOWN = 3
 OUTCOMES = frozenset(("/estimate", "/pose", "/odom", "/timing", "/state_hash", "/truth"))
 
 
@@ -75,7 +75,7 @@ class RunReader:
 
     Raises NotARunError when there is no run or its head cannot be read. A run that ends early gives all its whole
     ticks, and `truncated` says so once they have been read. Where a segment is damaged or gone, reading goes on with
-    the next one after a gap. `gaps` are all losses told so far.
+    the next one after a gap. `gaps` are all losses so far.
     """
 
     def __init__(self, path: Path) -> None:
@@ -108,15 +108,15 @@ class RunReader:
             return ""
         until = "none" if self._last_stamp_ns is None else f"the last one at {self._last_stamp_ns * 1e-9:.3f} s"
         what = self._paths[0] if len(self._paths) == 1 else self.folder.path
-        more = len(self._losses) - LOSSES_TOLD
-        why = "; ".join(self._losses[:LOSSES_TOLD]) + (f"; and {more} more, see infant log verify" if more > 0 else "")
+        more = len(self._losses) - LOSSES_SHOWN
+        why = "; ".join(self._losses[:LOSSES_SHOWN]) + (f"; and {more} more, see infant log verify" if more > 0 else "")
         return f"{what} is not whole ({why}): {self._ticks} whole ticks can be read, {until}"
 
     def records(self) -> Iterator[Record]:
         """Every message of the run in the order of writing, with a gap where something is missing between segments."""
         manifest = Manifest.load(self.folder.manifest_path)
         self._losses, self.known_losses, self._size_before = [], [], 0
-        stamp_ns, expected, owed = 0, 1, 0  # owed: ticks that are missing and not told yet
+        stamp_ns, expected, missing_ticks = 0, 1, 0  # missing_ticks: for which no gap has been given yet
         for index, path in enumerate(self._paths):
             ticks = 0
             self._size_before += self._file.size if index else 0
@@ -128,11 +128,11 @@ class RunReader:
                 self._losses.append(f"{name} is gone: {reason}")
                 self.known_losses += self._losses[-1:] if name in manifest.removed else []
                 if name not in manifest.lost or absent + 1 < number:  # else this segment begins with that gap
-                    owed += manifest.ticks(name, 1)
+                    missing_ticks += manifest.ticks(name, 1)
             expected = max(expected, number + 1)
-            if not file.damage and owed:
-                yield encode_gap(Gap(stamp_ns, owed, 0, self._losses[-1]))
-                owed = 0
+            if not file.damage and missing_ticks:
+                yield encode_gap(Gap(stamp_ns, missing_ticks, 0, self._losses[-1]))
+                missing_ticks = 0
             for topic, log_ns, data in file.messages() if not file.damage else ():
                 ticks += topic == "/tick"
                 stamp_ns = log_ns
@@ -140,7 +140,7 @@ class RunReader:
             if file.damage:
                 name = "" if len(self._paths) == 1 else f"{path.name}: "
                 self._losses.append(f"{name}{file.damage} of {file.size}")
-                owed += max(1, manifest.ticks(path.name, 0) - ticks)
+                missing_ticks += max(1, manifest.ticks(path.name, 0) - ticks)
         missing = manifest.segments.keys() - manifest.removed.keys() - {path.name for path in self._paths}
         last = [name for name in sorted(missing) if manifest.segments[name]["number"] >= expected]
         self._losses += [f"{name} is gone: nobody knows why" for name in last]

@@ -35,7 +35,7 @@ class Segments:
         self._held: list[Record] = []  # for the next file
         self._held_bytes = 0
         self._finished = self._ending = self._unsafe = self._asked_to_end = False
-        self._told_gone = False
+        self._reported_gone = False
         self._file: RecordFile | None = None
         self._begin(*self._create())
 
@@ -80,11 +80,11 @@ class Segments:
         """
         file = self._file or self._begin(*self._create())
         if file.is_gone():
-            if not self._told_gone:  # a state first: what is unplugged for a moment may be back at the next try
-                self._told_gone = True
+            if not self._reported_gone:  # a state first: what is unplugged for a moment may be back at the next try
+                self._reported_gone = True
                 raise FileNotFoundError(2, "it was removed while being written")
             file = self._replace(file)
-        self._told_gone = False
+        self._reported_gone = False
         file.write()
         if not self._finished:
             self._unwritten.clear()

@@ -1,4 +1,4 @@
-"""What the service manager is told: one datagram each (sd_notify(3)), nothing where there is no manager."""
+"""Messages to the service manager: one datagram each (sd_notify(3)), nothing where there is no manager."""
 
 import os
 import socket

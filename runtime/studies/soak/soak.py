@@ -38,6 +38,7 @@ from runtime.studies.soak.track import ProcessTrack, Sample, fitted_growth, open
 BUDGET_GB = 0.2
 WHOLE_REPLAY_S = 600.0  # a longer drive is replayed over its last segment only
 GROWTH_MAX_MB = 5.0
+RESIDENT_MAX_MB = 300.0
 SAMPLES_MIN = 20
 MINUTE_S = 60.0
 
@@ -188,12 +189,13 @@ def _replay(run: Path, verify: bool) -> ReplayResult:
 def soak_lines(measured: dict[str, Any]) -> list[str]:
     """Each figure beside what it must be."""
     summary, growth = measured["summary"], measured["growth_mb"]
-    largest = max(growth.values())
+    largest, held = max(growth.values()), measured["resident_mb"]["end"]
     leaked = max(measured["descriptors_grown"], sum(measured["left_open"].values()))
     own = measured["missed_by_itself"]
     driven, damages = measured["driven_s"], len(measured["damages"]) + len(measured["gaps"])
     rows = [
         ("memory growth", f"{largest:.2f} MB", f"below {GROWTH_MAX_MB:g} MB", largest < GROWTH_MAX_MB),
+        ("memory", f"{held:.0f} MB", f"below {RESIDENT_MAX_MB:g} MB", held < RESIDENT_MAX_MB),
         ("descriptors", f"{leaked} leaked", "0", leaked <= 0),
         ("garbage", f"{measured['garbage']} objects", "0", measured["garbage"] == 0),
         ("missed beats", str(summary["missed"]), "0", summary["missed"] == 0),

@@ -1,0 +1,50 @@
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from runtime.live import kernels
+from slam.estimator import Estimator
+from slam.kernel_cache import sources_hash
+from slam.settings.slam import SlamSettings
+
+
+@pytest.fixture
+def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """Commands by which kernels were compiled; loading is left out."""
+    commands: list[object] = []
+    tmp_path.chmod(0o700)
+    (tmp_path / "kernels" / sources_hash()).mkdir(parents=True, mode=0o700)
+    (tmp_path / "kernels").chmod(0o700)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels" / sources_hash()))
+    monkeypatch.setattr(subprocess, "run", lambda command, check: commands.append(command))
+    monkeypatch.setattr(Estimator, "warm_up", lambda settings: None)
+    return commands
+
+
+def test_an_empty_cache_is_filled_by_another_process_and_only_once(compiled: list[object]) -> None:
+    kernels.load_kernels(SlamSettings())
+    kernels.load_kernels(SlamSettings())
+    assert compiled == [kernels.COMPILE]
+
+
+def test_a_file_that_was_written_again_is_compiled_again(compiled: list[object], tmp_path: Path) -> None:
+    """numba compares times: a checkout that changes no byte makes it compile."""
+    kernels.load_kernels(SlamSettings())
+    sources = tmp_path / "slam"
+    sources.mkdir()
+    (sources / "a.py").write_text("")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "SOURCES", sources)
+        kernels.load_kernels(SlamSettings())
+        kernels.load_kernels(SlamSettings())
+        os.utime(sources / "a.py", ns=(1, 1))
+        kernels.load_kernels(SlamSettings())
+    assert len(compiled) == 3
+
+
+def test_after_warmup_the_first_run_needs_no_other_process(compiled: list[object]) -> None:
+    kernels.mark_complete(Path(os.environ["NUMBA_CACHE_DIR"]))
+    kernels.load_kernels(SlamSettings())
+    assert compiled == []
