@@ -31,10 +31,10 @@ class Key:
 PUBLISHED = (
     Key("pose", f"application/cdr;{TYPES['/pose']}", "every tick", "the pose in the frame `map`, with its covariance"),
     Key("odom", f"application/cdr;{TYPES['/odom']}", "every tick", "dead reckoning in the frame `odom`"),
-    Key("scan", f"application/cdr;{TYPES['/scan']}", "`publish.scan_hz`", "every `publish.scan_beam_step`-th beam"),
-    Key("landmarks", f"application/cdr;{messages.MARKERS}", "`publish.landmarks_hz`", "spheres, greener the surer"),
-    Key("status", "application/json", "`publish.status_hz`", "state, reasons, pose, sensors and sinks for dashboards"),
-    Key("health", f"application/cdr;{messages.DIAGNOSTICS}", "`publish.status_hz`", "every counter of every sensor"),
+    Key("scan", f"application/cdr;{TYPES['/scan']}", "`publish.scan_hz`", "every third beam"),
+    Key("landmarks", f"application/cdr;{messages.MARKERS}", "once a second", "spheres, greener the surer"),
+    Key("status", "application/json", "once a second", "state, reasons, pose, sensors and sinks for dashboards"),
+    Key("health", f"application/cdr;{messages.DIAGNOSTICS}", "once a second", "every counter of every sensor"),
     Key("event", "application/json", "when it happens", "one event of the log"),
 )
 ASKED = (

@@ -5,11 +5,14 @@ from dataclasses import dataclass
 
 from drivers.events import EventLog
 from drivers.laser.conversation import Conversation
-from drivers.laser.handshake import LaserFaultError, NoAnswerError, NotScipError, quieten
+from drivers.laser.handshake import REPLY_TIMEOUT_S, LaserFaultError, NoAnswerError, NotScipError, quieten
 from drivers.laser.link import ByteLink, SerialLink, TcpLink
 from drivers.measurements import DriverError, LinkError, RawTap
 from drivers.scip.codec import OK
 from drivers.settings.laser import BAUDS, LaserSettings, SerialEndpoint, endpoint
+
+CONNECT_TIMEOUT_S = 1.0  # s until a connection counts as refused
+REBOOT_INTERVAL_S = 5.0  # s between reboots at least; booting takes 2 s
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +46,7 @@ class LaserConnector:
     def connect(self) -> Connection:
         """An open link to a laser in standby. Raises DriverError; the link is closed then."""
         if not isinstance(self._endpoint, SerialEndpoint):
-            return self._quietened(TcpLink(self._endpoint, self._settings.connect_timeout_s), attempts=3)
+            return self._quietened(TcpLink(self._endpoint, CONNECT_TIMEOUT_S), attempts=3)
         wanted, failure = self._endpoint, None
         for baud in self._rates(wanted):
             try:
@@ -61,7 +64,7 @@ class LaserConnector:
     def reboot(self, talk: Conversation) -> None:
         """RB twice; only sometimes, because a laser that boots says nothing for seconds."""
         now_ns = self._now_ns()
-        interval_ns = self._settings.reboot_interval_s * 1e9
+        interval_ns = REBOOT_INTERVAL_S * 1e9
         is_recent = self._rebooted_ns is not None and now_ns - self._rebooted_ns < interval_ns
         if is_recent or not self._settings.reboot_on_fault:
             return
@@ -69,14 +72,14 @@ class LaserConnector:
         self._events.add(now_ns, "reboots", "the laser reported a malfunction and is rebooted")
         try:
             for _ in range(2):
-                talk.ask(b"RB", self._settings.reply_timeout_s)
+                talk.ask(b"RB", REPLY_TIMEOUT_S)
         except LinkError:
             return  # it went down before it had answered, which is what was asked
 
     def _at_rate(self, connection: Connection, wanted: SerialEndpoint, baud: int) -> Connection:
         """The same laser at the configured rate, or as it is if it refuses that."""
         try:
-            reply = connection.talk.ask(b"SS%06d" % baud, self._settings.reply_timeout_s)
+            reply = connection.talk.ask(b"SS%06d" % baud, REPLY_TIMEOUT_S)
         except LinkError:
             connection.link.close()
             raise

@@ -10,6 +10,8 @@ from drivers.scip.codec import OK, ScipError, StatusError, is_fault, parse_key_v
 from drivers.scip.model import Parameters, is_booting, parse_parameters, trouble_in
 from drivers.settings.laser import LaserSettings
 
+REPLY_TIMEOUT_S = 0.5  # s until a command counts as not answered
+TIME_SYNC_SAMPLES = 50  # TM1 requests; all brackets together count, and 50 take 30 ms on a network
 ATTEMPTS = 3
 DRAIN_S = 0.4
 TIME_SYNC_S = 1.0  # UST firmware answers TM slowly; a start must not hang on it
@@ -48,15 +50,15 @@ def quieten(talk: Conversation, settings: LaserSettings, attempts: int, drain_fi
         talk.send(b"")  # ends a command that was left half
         if drain_first or attempt:
             talk.drain(DRAIN_S)
-        reply = talk.ask(b"QT", settings.reply_timeout_s)
+        reply = talk.ask(b"QT", REPLY_TIMEOUT_S)
         if reply is None:
             continue
         if reply.legacy:
-            talk.ask(b"SCIP2.0", settings.reply_timeout_s)
-            reply = talk.ask(b"QT", settings.reply_timeout_s)
+            talk.ask(b"SCIP2.0", REPLY_TIMEOUT_S)
+            reply = talk.ask(b"QT", REPLY_TIMEOUT_S)
         elif reply.status in ("0E", "10"):
-            talk.ask(b"TM2", settings.reply_timeout_s)  # it may be in its time adjustment, where QT is refused
-            reply = talk.ask(b"QT", settings.reply_timeout_s)
+            talk.ask(b"TM2", REPLY_TIMEOUT_S)  # it may be in its time adjustment, where QT is refused
+            reply = talk.ask(b"QT", REPLY_TIMEOUT_S)
         if reply is not None and reply.status == OK:
             return
         if reply is not None and is_fault(reply.status):
@@ -82,15 +84,15 @@ def describe(talk: Conversation, settings: LaserSettings) -> Device:
     return Device(parameters, version, state)
 
 
-def adjust_time(talk: Conversation, settings: LaserSettings, now_ns: Callable[[], int]) -> list[tuple[int, int, int]]:
+def adjust_time(talk: Conversation, now_ns: Callable[[], int]) -> list[tuple[int, int, int]]:
     """Answers to TM1 as (host ns before, host ns after, counter ms); empty where the laser has no such mode."""
-    reply = talk.ask(b"TM0", settings.reply_timeout_s)
+    reply = talk.ask(b"TM0", REPLY_TIMEOUT_S)
     answers: list[tuple[int, int, int]] = []
     if reply is not None and reply.status in (OK, "02"):
         until_ns = now_ns() + round(TIME_SYNC_S * 1e9)
-        for _ in range(settings.time_sync_samples):
+        for _ in range(TIME_SYNC_SAMPLES):
             before_ns = now_ns()
-            reply = talk.ask(b"TM1", settings.reply_timeout_s)
+            reply = talk.ask(b"TM1", REPLY_TIMEOUT_S)
             after_ns = now_ns()
             if reply is None or reply.status != OK or not reply.lines or after_ns > until_ns:
                 break
@@ -98,13 +100,13 @@ def adjust_time(talk: Conversation, settings: LaserSettings, now_ns: Callable[[]
                 answers.append((before_ns, after_ns, parse_time(reply.lines[0])))
             except ScipError:
                 continue  # one damaged answer of many
-    talk.ask(b"TM2", settings.reply_timeout_s)
+    talk.ask(b"TM2", REPLY_TIMEOUT_S)
     return answers
 
 
 def _key_values(talk: Conversation, command: bytes, settings: LaserSettings) -> dict[str, str]:
     for _ in range(ATTEMPTS):
-        reply = talk.ask(command, settings.reply_timeout_s)
+        reply = talk.ask(command, REPLY_TIMEOUT_S)
         if reply is None:
             talk.drain(QUIET_S)
             continue

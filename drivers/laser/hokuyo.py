@@ -15,7 +15,16 @@ from drivers.laser.clock import LaserClock
 from drivers.laser.connect import LaserConnector
 from drivers.laser.conversation import Conversation
 from drivers.laser.counter import Reading
-from drivers.laser.handshake import Device, LaserFaultError, NoAnswerError, NotScipError, adjust_time, describe, quieten
+from drivers.laser.handshake import (
+    REPLY_TIMEOUT_S,
+    Device,
+    LaserFaultError,
+    NoAnswerError,
+    NotScipError,
+    adjust_time,
+    describe,
+    quieten,
+)
 from drivers.laser.request import scan_request
 from drivers.laser.scans import ScanAssembly
 from drivers.measurements import (
@@ -34,6 +43,11 @@ from drivers.scip.model import KNOWN_MODELS
 from drivers.settings.laser import LaserSettings
 from drivers.stoppable_thread import StoppableThread
 
+DRIFT_MAX_PPM = 200.0  # ppm, bound on the drift of the device's clock; crystals are below 100
+STALE_AFTER_S = 0.35  # s without a scan until the state is stale; at least 3.5 periods are waited
+SILENCE_S = 0.5  # s without a scan until the stream is asked for again; at least 3 periods
+RETRY_MIN_S = 0.1  # s before the second attempt to connect; doubles
+RETRY_MAX_S = 0.5  # s between attempts at most; small, because a scan is due 2 s after a repair
 WAIT_S = 0.25  # longest wait in the kernel, so that closing is quick
 STALE_PERIODS = 3.5
 SILENT_PERIODS = 3.0
@@ -48,14 +62,17 @@ class Hokuyo:
         now_ns: Callable[[], int],
         tap: RawTap | None = None,
         alive: Callable[[], None] = lambda: None,
+        raw_around_errors: bool = False,
     ) -> None:
-        """alive: called by the thread in each turn of its loop, at least every few seconds."""
+        """raw_around_errors: hand the tap only the bytes of two seconds before and after each error. alive: called by
+        the thread in each turn of its loop, at least every few seconds.
+        """
         self._settings = settings
         self._now_ns = now_ns
-        around = AroundErrors(tap) if tap is not None and settings.raw == "around_errors" else None
+        around = AroundErrors(tap) if tap is not None and raw_around_errors else None
         self._tap = around if around is not None else tap
         self._events = EventLog("laser", around.error if around is not None else None)
-        self._clock = LaserClock(settings.drift_max_ppm)
+        self._clock = LaserClock(DRIFT_MAX_PPM)
         self._range_codes: dict[str, int] = {}
         self._thread = StoppableThread("laser", self._run, alive)
         self._connector = LaserConnector(settings, self._tap, now_ns, self._thread.is_stopping, self._events)
@@ -87,7 +104,7 @@ class Hokuyo:
         trouble = self._events.trouble
         age_s = math.inf if last_ns is None else (now_ns - last_ns) * 1e-9
         period_s = assembly.period_s if assembly is not None else 1.0 / self._settings.rate_hz
-        if age_s <= max(self._settings.stale_after_s, STALE_PERIODS * period_s):
+        if age_s <= max(STALE_AFTER_S, STALE_PERIODS * period_s):
             state, reason = SensorState.FRESH, ""
         elif self._fault:
             state, reason = SensorState.FAILED, self._fault
@@ -127,7 +144,7 @@ class Hokuyo:
 
     def _run(self) -> None:
         """Connect for ever, waiting longer after each failure in a row."""
-        wait_s = self._settings.retry_min_s
+        wait_s = RETRY_MIN_S
         while not self._thread.is_stopping():
             before_ns = self._last_scan_ns
             try:
@@ -141,10 +158,10 @@ class Hokuyo:
                 text = " ".join(f"defect in the laser driver, reconnecting: {error!r} {place}".split())
                 self._events.add(self._now_ns(), "defects", text, Severity.ERROR)
             if self._last_scan_ns != before_ns:
-                wait_s = self._settings.retry_min_s
+                wait_s = RETRY_MIN_S
             if self._thread.wait(wait_s):
                 break
-            wait_s = min(2.0 * wait_s, self._settings.retry_max_s)
+            wait_s = min(2.0 * wait_s, RETRY_MAX_S)
             self._events.count("reconnects")
 
     def _note_failure(self, error: DriverError) -> None:
@@ -199,7 +216,7 @@ class Hokuyo:
             quieten(talk, self._settings, attempts=1, drain_first=False)
 
     def _request_stream(self, talk: Conversation, request: ScanRequest) -> None:
-        reply = talk.ask(request.encode(), self._settings.reply_timeout_s)
+        reply = talk.ask(request.encode(), REPLY_TIMEOUT_S)
         if reply is None:
             raise NoAnswerError(f"{self._settings.url} does not answer {request.command}")
         if is_fault(reply.status):
@@ -208,7 +225,7 @@ class Hokuyo:
             raise StatusError(request.command, reply.status, "see laser.command and laser.cluster")
 
     def _adjust(self, talk: Conversation, assembly: ScanAssembly) -> None:
-        answers = adjust_time(talk, self._settings, self._now_ns)
+        answers = adjust_time(talk, self._now_ns)
         reading = self._clock.synchronise(answers, assembly.nominal_delay_ns)
         if reading is Reading.RESTARTED:
             self._events.add(self._now_ns(), "clock_restarts", "the laser's clock began anew")
@@ -218,7 +235,7 @@ class Hokuyo:
 
     def _stream(self, talk: Conversation, assembly: ScanAssembly) -> None:
         """Hand out scans until none comes for too long, or the stream has to be asked for again. Raises DriverError."""
-        silence_ns = round(max(self._settings.silence_s, SILENT_PERIODS * assembly.period_s) * 1e9)
+        silence_ns = round(max(SILENCE_S, SILENT_PERIODS * assembly.period_s) * 1e9)
         alive_ns = self._now_ns()
         bytes_before = talk.received_bytes
         while not self._thread.is_stopping():

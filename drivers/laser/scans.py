@@ -15,6 +15,7 @@ from drivers.scip.model import Parameters, range_code_meaning
 from drivers.scip.scan import CodeArray, ScanData, ScanDecoder
 from drivers.settings.laser import LaserSettings
 
+FROZEN_SCANS = 10  # in a row with the very same ranges: a frozen sensor; real ranges differ by millimetres
 MILLIMETRES = np.float32(1000.0)  # float32 holds every range in millimetres, so that rounding gives it back
 SHORT_RANGE_MM = 4094  # MS saturates one above
 LATE_NS = 100_000_000
@@ -168,13 +169,13 @@ class ScanAssembly:
     def _is_frozen(self, arrival_ns: int, codes: CodeArray) -> bool:
         """True if the very same ranges came too often in a row; a real sensor's differ by millimetres."""
         last, self._last_codes = self._last_codes, codes
-        if self._settings.frozen_scans == 0 or last is None or not np.array_equal(last, codes):
+        if last is None or not np.array_equal(last, codes):
             self._repeats = 0
             return False
         if np.count_nonzero(codes >= self._parameters.range_min_mm) < FROZEN_BEAMS:
             return False
         self._repeats += 1
-        if self._repeats < self._settings.frozen_scans:
+        if self._repeats < FROZEN_SCANS:
             return False
         text = f"scan dropped: ranges frozen for {self._repeats} scans"
         self._events.add(arrival_ns, "frozen_scans", text)

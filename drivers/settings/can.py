@@ -33,21 +33,6 @@ class BusSettings(BaseModel):
     options: dict[str, bool | int | float | str] = Field(
         default_factory=dict, description="further keyword arguments of that python-can interface"
     )
-    silence_s: float = Field(
-        default=0.5,
-        ge=0.1,
-        le=30.0,
-        description="seconds without any frame after which the bus is opened again",
-    )
-    backoff_min_s: float = Field(
-        default=0.1, ge=0.01, le=5.0, description="seconds before the first new attempt to open"
-    )
-    backoff_max_s: float = Field(
-        default=0.5,
-        ge=0.05,
-        le=60.0,
-        description="longest wait between attempts; a bus that is back must be used within 1 s",
-    )
     receive_buffer_bytes: int = Field(
         default=8_388_608,
         ge=4096,

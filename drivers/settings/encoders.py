@@ -1,8 +1,8 @@
 """Settings of the wheel encoders: the bus, where in the frames the counts are, and what motion is possible."""
 
-from typing import Literal, Self
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field
 
 from drivers.settings.can import BusSettings
 from drivers.settings.layouts import DbcLayout, Layout
@@ -34,24 +34,12 @@ class EncoderSettings(BaseModel):
     left: WheelSettings = Field(default_factory=WheelSettings)
     right: WheelSettings = Field(default_factory=WheelSettings)
     period_ms: float = Field(default=20.0, ge=1.0, le=1000.0, description="time between two frames of one wheel")
-    degraded_periods: float = Field(
-        default=3.0, ge=1.5, le=100.0, description="silence after which a wheel is degraded"
-    )
-    silent_periods: float = Field(
-        default=10.0, ge=2.0, le=1000.0, description="silence after which the samples are invalid"
-    )
     speed_tolerance_m: float = Field(
         default=0.008,
         ge=0.0,
         le=10.0,
         description="counts and speed signal may drift apart by this over half a second, below 1 cm so that a stuck "
         "counter never turns the rover; 0: not compared, for devices that filter their speed",
-    )
-    stuck_travel_m: float = Field(
-        default=0.5,
-        ge=0.05,
-        le=100.0,
-        description="travel of one wheel during which the other stands still that is reported",
     )
 
     @property
@@ -63,11 +51,3 @@ class EncoderSettings(BaseModel):
     def period_ns(self) -> int:
         """Time between two frames of one wheel."""
         return round(self.period_ms * 1e6)
-
-    @model_validator(mode="after")
-    def _silence_follows_degradation(self) -> Self:
-        if self.silent_periods <= self.degraded_periods:
-            raise ValueError(
-                f"silent_periods above degraded_periods ({self.degraded_periods:g}), not {self.silent_periods:g}"
-            )
-        return self

@@ -44,38 +44,7 @@ class LaserSettings(BaseModel):
     time_sync: bool = Field(
         True, description="ask for the device's clock (TM) before streaming; off for firmware whose TM is broken"
     )
-    time_sync_samples: int = Field(
-        50, ge=1, le=200, description="TM1 requests; all brackets together count, and 50 take 30 ms on a network"
-    )
-    drift_max_ppm: float = Field(
-        200.0, ge=1.0, le=2000.0, description="ppm, bound on the drift of the device's clock; crystals are below 100"
-    )
-    stale_after_s: float = Field(
-        0.35, ge=0.05, le=10.0, description="s without a scan until the state is stale; at least 3.5 periods are waited"
-    )
-    silence_s: float = Field(
-        0.5, ge=0.1, le=10.0, description="s without a scan until the stream is asked for again; at least 3 periods"
-    )
-    reply_timeout_s: float = Field(0.5, ge=0.05, le=5.0, description="s until a command counts as not answered")
-    connect_timeout_s: float = Field(1.0, ge=0.1, le=10.0, description="s until a connection counts as refused")
-    retry_min_s: float = Field(0.1, ge=0.01, le=10.0, description="s before the second attempt to connect; doubles")
-    retry_max_s: float = Field(
-        0.5, ge=0.05, le=60.0, description="s between attempts at most; small, because a scan is due 2 s after a repair"
-    )
     reboot_on_fault: bool = Field(True, description="reboot the sensor (RB) when it reports a malfunction")
-    reboot_interval_s: float = Field(
-        5.0, ge=0.0, le=3600.0, description="s between reboots at least; booting takes 2 s"
-    )
-    frozen_scans: int = Field(
-        10,
-        ge=0,
-        le=1000,
-        description="scans in a row with the very same ranges that count as a frozen sensor; real ranges differ by "
-        "millimetres. 0: never, for a simulated world without noise",
-    )
-    raw: Literal["always", "around_errors"] = Field(
-        "always", description="bytes handed to the record: all, or the two seconds before and after each error"
-    )
 
     @field_validator("url")
     @classmethod
@@ -91,8 +60,6 @@ class LaserSettings(BaseModel):
         wanted = {"first": self.command, "strongest": "NE", "last": self.command if self.command == "NE" else "ND"}
         if wanted[self.echo] != self.command:
             raise ValueError(f"command {wanted[self.echo]} for echo {self.echo}, not {self.command}")
-        if self.retry_min_s > self.retry_max_s:
-            raise ValueError(f"retry_min_s at most retry_max_s, not {self.retry_min_s} and {self.retry_max_s}")
         return self
 
 

@@ -1,8 +1,8 @@
 """[encoders.layout]: how the counts of a wheel lie in CAN frames."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from drivers.settings.wheel_signals import InfoSignals, MessageSettings, NodeAddresses, WheelSignals
 
@@ -43,43 +43,64 @@ INFANT_RIGHT = WheelSignals(
 
 
 class DbcLayout(BaseModel):
-    """Frames described by a DBC file; the default is the rover's own."""
+    """Frames described by a DBC file; the default is the rover's own. Own frames: write a DBC and name its signals."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     kind: Literal["dbc"] = "dbc"
-    file: str = Field(
-        default="config/infant.dbc", description="path; a relative one is sought here, then in the sources"
+    file: str | None = Field(
+        default=None,
+        min_length=1,
+        description="path of the DBC; a relative one is sought beside the configuration, then in the program's "
+        "config/. Absent: the rover's own",
     )
     left: WheelSignals = INFANT_LEFT
     right: WheelSignals = INFANT_RIGHT
 
+    @model_validator(mode="after")
+    def _rovers_own_have_their_info(self) -> Self:
+        """No file names the slow message: it comes with the signals of the rover's own nodes."""
+        for side, own in (("left", INFANT_LEFT), ("right", INFANT_RIGHT)):
+            if getattr(self, side) == own.model_copy(update={"info": None}):
+                object.__setattr__(self, side, own)
+        return self
+
 
 class SignalsLayout(BaseModel):
-    """Frames described here, without a file."""
+    """Frames described in the program: what a preset or an EDS becomes. No choice of the configuration."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    kind: Literal["signals"] = "signals"
     messages: tuple[MessageSettings, ...] = Field(min_length=1, description="every message that is named below")
     left: WheelSignals
     right: WheelSignals
 
 
 class PresetLayout(NodeAddresses):
-    """Frames of a common motor controller; wheel_presets.py writes the signals down."""
+    """Frames of a common motor controller."""
 
     kind: Literal["preset"]
-    name: Literal["odrive", "odrive_counts", "vesc", "cia402"] = Field(description="which controller")
+    name: Literal["odrive", "odrive_counts", "vesc", "cia402"] = Field(
+        description="which controller; odrive_counts where encoder_count_rate_ms is set"
+    )
 
 
 class Cia406Layout(NodeAddresses):
     """CANopen encoders after CiA 406: process data as mapped in the device's EDS, heartbeat, emergency."""
 
     kind: Literal["cia406"]
-    file: str = Field(default="config/encoder406.eds", description="EDS of the encoder; same rule as for a DBC")
-    tpdo: int = Field(default=1, ge=1, le=4, description="which process data object carries 6004h")
-    start_nodes: bool = Field(default=True, description="send NMT start when the bus opens and after a boot-up message")
+    file: str | None = Field(
+        default=None,
+        min_length=1,
+        description="EDS of the encoder, from its maker; sought as a DBC is. Absent: a plain encoder of that profile",
+    )
+    tpdo: int = Field(
+        default=1,
+        ge=1,
+        le=4,
+        description="which process data object carries the position 6004h: the EDS says so, and `infant check` when it "
+        "does not",
+    )
 
 
-Layout = Annotated[DbcLayout | SignalsLayout | PresetLayout | Cia406Layout, Field(discriminator="kind")]
+Layout = Annotated[DbcLayout | PresetLayout | Cia406Layout, Field(discriminator="kind")]

@@ -54,7 +54,7 @@ class WheelFault(BaseModel):
 
 
 class SimulatedWheelSettings(BaseModel):
-    """Two encoder nodes on one bus, as config/infant.dbc describes them."""
+    """Two encoder nodes on one bus, as drivers/wheels/layouts/infant.dbc describes them."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

@@ -24,7 +24,11 @@ from drivers.settings.encoders import EncoderSettings
 from drivers.stoppable_thread import StoppableThread
 from drivers.wheels.layouts.choose import wheel_frames
 from drivers.wheels.pair import WheelPair
+from drivers.wheels.speed import DEGRADED_PERIODS
 
+SILENCE_S = 0.5  # seconds without any frame after which the bus is opened again
+BACKOFF_MIN_S = 0.1  # seconds before the first new attempt to open
+BACKOFF_MAX_S = 0.5  # longest wait between attempts; a bus that is back must be used within 1 s
 WAIT_S = 0.1  # how often a reader without frames looks up: ages are judged and close() is heard
 ERRORS_BEFORE_REOPENING = 3  # one broken line of slcan is no reason, a poisoned buffer is
 ERRORS_WITHOUT_GOOD = 50  # error frames in a row after which the bit rate is doubted
@@ -117,7 +121,7 @@ class CanEncoders:
         trouble = pair.trouble(now_ns)
         if trouble:
             return SensorState.FAILED, trouble
-        degraded_ns = self._settings.degraded_periods * self._settings.period_ns
+        degraded_ns = DEGRADED_PERIODS * self._settings.period_ns
         for wheel in (pair.left, pair.right):
             age_ns = wheel.age_ns(now_ns)
             if age_ns is None:
@@ -142,7 +146,7 @@ class CanEncoders:
     def _run(self) -> None:
         """Open, read until the bus fails, open again with back-off; for as long as the rover runs."""
         bus_settings = self._settings.bus
-        wait_s, silence_s = bus_settings.backoff_min_s, bus_settings.silence_s
+        wait_s, silence_s = BACKOFF_MIN_S, SILENCE_S
         clock = ArrivalClock()
         while not self._thread.is_stopping():
             try:
@@ -150,7 +154,7 @@ class CanEncoders:
             except LinkError as error:
                 self._note_link("open", str(error))
                 self._thread.wait(wait_s)
-                wait_s = min(2.0 * wait_s, bus_settings.backoff_max_s)
+                wait_s = min(2.0 * wait_s, BACKOFF_MAX_S)
                 continue
             with self._lock:
                 self._events.count("sessions")
@@ -160,9 +164,9 @@ class CanEncoders:
                 heard = self._read(bus, silence_s)
             finally:
                 bus.close()
-            wait_s = bus_settings.backoff_min_s if heard else min(2.0 * wait_s, bus_settings.backoff_max_s)
+            wait_s = BACKOFF_MIN_S if heard else min(2.0 * wait_s, BACKOFF_MAX_S)
             # an idle bus is not opened again twice a second for ever
-            silence_s = bus_settings.silence_s if heard else min(2.0 * silence_s, 8.0 * bus_settings.silence_s)
+            silence_s = SILENCE_S if heard else min(2.0 * silence_s, 8.0 * SILENCE_S)
             self._thread.wait(wait_s)
 
     def _read(self, bus: CanBus, silence_s: float) -> bool:

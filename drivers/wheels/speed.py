@@ -6,6 +6,8 @@ from drivers.settings.encoders import EncoderSettings
 from drivers.wheels.leaky_bucket import LeakyBucket
 from drivers.wheels.readings import WheelReading
 
+DEGRADED_PERIODS = 3.0  # silence after which a wheel is degraded
+
 
 class SpeedIntegrator:
     """Same face as WheelCounter. Motion during a gap is unknown: speeds say nothing of frames that are missing."""
@@ -20,7 +22,7 @@ class SpeedIntegrator:
         self.frozen = LeakyBucket(5)
         self.two_senders = False
         self._period_ns = settings.period_ns
-        self._longest_ns = settings.degraded_periods * settings.period_ns
+        self._longest_ns = DEGRADED_PERIODS * settings.period_ns
         self._top_counts_per_s = settings.vehicle.jump_speed_mps * settings.counts_per_metre
         self._counts_per_metre = settings.counts_per_metre
         self._sign = sign

@@ -9,6 +9,8 @@ from drivers.wheels.leaky_bucket import LeakyBucket
 from drivers.wheels.readings import NodeInfo, Wheel, WheelFrames
 from drivers.wheels.speed import SpeedIntegrator
 
+SILENT_PERIODS = 10.0  # silence after which the samples are invalid
+STUCK_TRAVEL_M = 0.5  # travel of one wheel during which the other stands still that is reported
 INTERPOLATED_PERIODS = 5  # a longer gap is no straight line
 OPERATIONAL = 5
 REASONS = {
@@ -57,7 +59,7 @@ class WheelState:
         self.lost_at_ns: int | None = None
         self._settings = settings
         self._events = events
-        self._silent_ns = settings.silent_periods * settings.period_ns
+        self._silent_ns = SILENT_PERIODS * settings.period_ns
         self._uptime_ms: int | None = None
         self._misconfigured = ""
         self._not_operational = ""
@@ -97,16 +99,13 @@ class WheelState:
         """Suspect a wheel that stands still while the other rolls on; a turn about one wheel does so, for a while."""
         if self._rest is None or own != self._rest[0]:
             self._rest, self.stuck = (own, other), False
-        elif (
-            not self.stuck
-            and abs(other - self._rest[1]) > self._settings.stuck_travel_m * self._settings.counts_per_metre
-        ):
+        elif not self.stuck and abs(other - self._rest[1]) > STUCK_TRAVEL_M * self._settings.counts_per_metre:
             self.stuck = True
             self.counters["still"] += 1
             self.note(
                 stamp_ns,
                 "still",
-                f"no count while the other wheel rolled {self._settings.stuck_travel_m:g} m",
+                f"no count while the other wheel rolled {STUCK_TRAVEL_M:g} m",
             )
 
     def inform(self, stamp_ns: int, info: NodeInfo) -> None:

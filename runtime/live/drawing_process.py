@@ -22,6 +22,7 @@ from runtime.settings.review import ReviewSettings
 from runtime.tick import CompletedTick, SinkHealth
 from slam.pose import Pose2
 
+QUEUE = 4000  # records that may wait for the drawing process; 40 s at 100 records/s
 WRITE_S = 2.0
 DRAW_S = 60.0  # for a child that gets on; beside busy processes it has a twentieth of a core and takes so long
 STALLED_S = 5.0  # without any work done a child is dead or stopped, and not slow
@@ -44,7 +45,7 @@ class ReviewProcess:
     ) -> None:
         mount = (body_from_laser or Pose2()).as_array().tolist()
         what = json.dumps({"settings": settings.model_dump(), "mount": mount, "facts": facts or {}})
-        self._limit = settings.queue
+        self._limit = QUEUE
         self._queue: queue.SimpleQueue[Record | None] = queue.SimpleQueue()
         self._dropped = 0
         self._trouble = ""

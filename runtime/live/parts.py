@@ -4,11 +4,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.laser.hokuyo import Hokuyo
+from drivers.laser.hokuyo import RETRY_MAX_S, Hokuyo
 from drivers.measurements import Encoders, Event, Laser, SensorHealth
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.laser import LaserSettings
-from drivers.wheels.encoders import CanEncoders
+from drivers.wheels.encoders import BACKOFF_MAX_S, CanEncoders
 from runtime.errors import ConfigurationError
 from runtime.live.clock import Clock
 from runtime.live.drawing_process import ReviewProcess
@@ -121,12 +121,11 @@ def _made_parts(
     if drawing is not None:
         sinks["review"] = drawing
     tap = recorder if configuration.record.raw else None
-    if not configuration.record.raw:  # still the last and next two seconds around an error of the laser
-        laser = laser.model_copy(update={"raw": "around_errors"})
     heartbeats = (
-        threads.heartbeat("laser", laser.retry_max_s),
-        threads.heartbeat("encoders", encoders.bus.backoff_max_s),
+        threads.heartbeat("laser", RETRY_MAX_S),
+        threads.heartbeat("encoders", BACKOFF_MAX_S),
     )
-    scanner = Hokuyo(laser, clock.now_ns, recorder, alive=heartbeats[0])
+    around = not configuration.record.raw  # then still the two seconds before and after each error of the laser
+    scanner = Hokuyo(laser, clock.now_ns, recorder, alive=heartbeats[0], raw_around_errors=around)
     wheels = CanEncoders(encoders, clock.now_ns, tap, alive=heartbeats[1])
     return Parts(scanner, wheels, sinks, recorder, publisher, rover, threads)

@@ -21,6 +21,7 @@ from runtime.settings.configuration import Configuration
 from runtime.tick import CompletedTick
 from slam.estimator import Estimator
 
+READY_S = 5.0  # wait at most this long for both sensors before the first tick
 SENSOR_POLL_S = 0.02
 LEAD_NS = 100_000_000  # from the last preparation to the first beat
 
@@ -59,7 +60,7 @@ def run_live(
             round(1e9 / configuration.loop.rate_hz),
         )
         parts.start()
-        await_sensors(parts, configuration.loop.ready_s, host.stop)
+        await_sensors(parts, READY_S, host.stop)
         watch.line.start()
         freeze_garbage()
         for refusal in enter_real_time(configuration.loop.priority):

@@ -17,6 +17,7 @@ from runtime.publish.topics import RoverTopics
 from runtime.settings.publish import PublishSettings
 from runtime.tick import CompletedTick, SinkHealth
 
+QUEUE = 20  # ticks that may wait; when full the oldest goes: 2 s at 10 Hz
 REOPEN_S = 5.0
 CLOSE_S = 3.0
 LEAVE_S = 12.0  # towards a peer that has stopped reading zenoh takes 10 s to say goodbye
@@ -61,7 +62,7 @@ class ZenohPublisher:
         """Queue one tick; when the network is slower than the loop the oldest tick goes."""
         if not self._settings.enabled:
             return
-        if self._queue.qsize() >= self._settings.queue:
+        if self._queue.qsize() >= QUEUE:
             try:
                 self._queue.get_nowait()
                 self._dropped += 1

@@ -10,6 +10,7 @@ import zenoh
 from runtime.errors import ConfigurationError
 from runtime.settings.publish import PublishSettings
 
+LEASE_MS = 3000  # ms of silence after which a peer is taken for gone; zenoh's 10 s is long on Wi-Fi
 PORTS_TO_TRY = 20
 RETRY = "{period_init_ms:500,period_max_ms:1000,period_increase_factor:2}"
 
@@ -30,7 +31,7 @@ def rover_config(settings: PublishSettings, listen: Sequence[str]) -> zenoh.Conf
     config.insert_json5("listen/endpoints", json.dumps(list(listen)))
     config.insert_json5("connect/endpoints", json.dumps(list(settings.connect)))
     config.insert_json5("connect/retry", RETRY)
-    config.insert_json5("transport/link/tx/lease", json.dumps(settings.lease_ms))
+    config.insert_json5("transport/link/tx/lease", json.dumps(LEASE_MS))
     if settings.ros2:
         # ROS 2 nodes are peers that learn of each other from their router; it passes no message from peer to peer
         config.insert_json5("scouting/gossip/enabled", "true")

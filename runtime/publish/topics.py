@@ -14,6 +14,9 @@ from runtime.settings.publish import PublishSettings
 from runtime.tick import CompletedTick
 from slam.estimate import LandmarkMap
 
+STATUS_HZ = 1.0  # status and health messages per second
+SCAN_BEAM_STEP = 3  # every n-th beam of it; 3 leaves 361 of 1081
+LANDMARKS_HZ = 1.0  # maps of landmarks per second; 0 sends none
 JSON = "application/json"
 RATE_WINDOW = 21  # ticks over which the rate in the status is taken: 2 s at 10 Hz
 
@@ -89,8 +92,8 @@ class RoverTopics:
         self._latest: CompletedTick | None = None
         self._stamps_ns: deque[int] = deque(maxlen=RATE_WINDOW)
         self._scan_pace = Pace(settings.scan_hz)
-        self._landmark_pace = Pace(settings.landmarks_hz)
-        self._status_pace = Pace(settings.status_hz)
+        self._landmark_pace = Pace(LANDMARKS_HZ)
+        self._status_pace = Pace(STATUS_HZ)
         self._pose_topic = self._topic("pose", _cdr(TYPES["/pose"]), urgent=True)
         self._odometry_topic = self._topic("odom", _cdr(TYPES["/odom"]), urgent=True)
         self._scan_topic = self._topic("scan", _cdr(TYPES["/scan"]))
@@ -134,7 +137,7 @@ class RoverTopics:
                 self._landmark_topic.send(messages.landmark_bytes(landmarks, wall_ns), wall_ns)
         if isinstance(scan, Scan) and self._scan_pace.due(completed.tick.stamp_ns):
             scan_ns = scan.stamp_ns + self._wall_offset_ns
-            self._scan_topic.send(messages.scan_bytes(scan, scan_ns, self._settings.scan_beam_step), scan_ns)
+            self._scan_topic.send(messages.scan_bytes(scan, scan_ns, SCAN_BEAM_STEP), scan_ns)
 
     def send_state(self, health: Health) -> None:
         """A state that belongs to no tick: status and health at once, whatever their pace."""

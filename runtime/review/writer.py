@@ -36,6 +36,9 @@ from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.observations import BeamVerdict, Features
 from slam.pose import Pose2
 
+TRACE_EVERY = 10  # ticks between the scans that stay and add up to a map
+BATCH_TICKS = 10  # ticks per write: 1 s, which a power cut loses
+SIGMAS = 2.0  # half axes of covariance ellipses, in standard deviations
 LASER_PATHS = {
     BeamVerdict.KEPT: "map/laser/kept",
     BeamVerdict.MOVED: "map/laser/rejected",
@@ -116,7 +119,7 @@ class ReviewWriter:
         except (RuntimeError, OSError) as error:
             raise StorageError(f"{self._path} cannot be written ({error}); give a folder that can") from error
         recording.send_recording_name(self._path.parent.name or "run")
-        draw_static(recording, self._facts, self._settings.sigmas, self._body_from_laser)
+        draw_static(recording, self._facts, SIGMAS, self._body_from_laser)
         if self._track is not None:
             draw_set_truth(recording, self._track.landmarks_m)
         elif self._with_truth:
@@ -168,7 +171,7 @@ class ReviewWriter:
                 self._draw_association(estimate.features, estimate.matches, motion)
             self._before = estimate
         self._drawn += 1
-        if self._drawn % self._settings.batch_ticks == 0:
+        if self._drawn % BATCH_TICKS == 0:
             self._flush()
 
     def _due(self, what: str, every: int) -> bool:
@@ -193,7 +196,7 @@ class ReviewWriter:
         self._columns.pose("map/rover", pose)
         center_m = np.array(((pose.x_m, pose.y_m),))
         covariance_m2 = estimate.covariance[None, :2, :2]
-        self._columns.ellipses("map/pose_covariance", center_m, covariance_m2, self._settings.sigmas, None)
+        self._columns.ellipses("map/pose_covariance", center_m, covariance_m2, SIGMAS, None)
         self._paths["SLAM"].append((pose.x_m, pose.y_m))
         self._paths["odometry"].append((estimate.odom_from_body.x_m, estimate.odom_from_body.y_m))
         if truth is not None:
@@ -222,7 +225,7 @@ class ReviewWriter:
         draw_innovation(self._columns, *errors)
 
     def _draw_particles(self, estimate: Estimate) -> None:
-        if estimate.particles is not None and self._due("particles", self._settings.particles_every):
+        if estimate.particles is not None:
             self._columns.points("map/particles", estimate.particles[:, :2])
 
     def _draw_landmarks(self, estimate: Estimate) -> None:
@@ -239,7 +242,7 @@ class ReviewWriter:
             "map/landmarks/covariances",
             landmarks.means_m,
             landmarks.covariances_m2,
-            self._settings.sigmas,
+            SIGMAS,
             see_through,
         )
         self._extent = self._extent.with_points(landmarks.means_m)
@@ -255,7 +258,7 @@ class ReviewWriter:
         points_m = motion.to_map(stamps_ns[returned], laser_m[returned], self._body_from_laser)
         for verdict, path in LASER_PATHS.items():
             self._columns.points(path, points_m[verdicts[returned] == verdict])
-        if self._due("trace", self._settings.trace_every):
+        if self._due("trace", TRACE_EVERY):
             self._columns.points("map/laser/trace", points_m[verdicts[returned] == BeamVerdict.KEPT][::TRACE_STEP])
 
     def _draw_association(self, features: Features, matches: NDArray[np.int64], motion: Motion) -> None:

@@ -14,24 +14,21 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.laser import LaserSettings
+from drivers.settings.layouts import Cia406Layout, DbcLayout
 from drivers.settings.simulation import SimulationSettings
 from drivers.settings.vehicle import VehicleSettings
 from runtime.errors import ConfigurationError
 from runtime.settings.data_set import DataSetSettings
 from runtime.settings.loop import LoopSettings
+from runtime.settings.not_keys import HANDED_ON, NOT_KEYS, SHARED, excluded
 from runtime.settings.publish import PublishSettings
 from runtime.settings.record import RecordSettings
 from runtime.settings.retired import refusals, translated
 from runtime.settings.review import ReviewSettings
-from slam.settings.odometry import OdometrySettings
+from runtime.source_tree import CONFIG
 from slam.settings.slam import SlamSettings
 
 Tree = dict[str, Any]
-
-SHARED = frozenset(VehicleSettings.model_fields) & set(OdometrySettings.model_fields)
-HANDED_ON = {"slam.odometry": SHARED | {"model", "jump_speed_mps"}, "encoders": frozenset({"vehicle"})}
-"""By table: fields that no file sets, because they are filled from [vehicle]."""
-HIDDEN: Any = {"slam": {"odometry": HANDED_ON["slam.odometry"]}, "encoders": HANDED_ON["encoders"]}
 
 
 class Configuration(BaseModel):
@@ -67,7 +64,7 @@ class Configuration(BaseModel):
     @property
     def text(self) -> str:
         """The configuration in force as canonical TOML; load_configuration_text gives it back."""
-        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True, exclude=HIDDEN))
+        return tomli_w.dumps(self.model_dump(mode="json", exclude_none=True, exclude=excluded()))
 
     @property
     def sha256(self) -> str:
@@ -93,7 +90,7 @@ def load_configuration(path: Path, overrides: Mapping[str, str] | None = None) -
         raise ConfigurationError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8 text") from error
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read ({error.strerror}); give the path of a TOML file") from error
-    return load_configuration_text(text, overrides, source=str(path), recorded=False)
+    return _with_files(load_configuration_text(text, overrides, source=str(path), recorded=False), path.parent)
 
 
 def load_configuration_text(
@@ -119,6 +116,19 @@ def load_configuration_text(
     except ValidationError as error:
         problems = [_sentence(problem) for problem in error.errors()]
         raise _refused(source, problems) from error
+
+
+def _with_files(configuration: Configuration, folder: Path) -> Configuration:
+    """With the file of the wheels' layout where it is found: as it stands, beside the configuration, or delivered."""
+    encoders = configuration.encoders
+    layout = encoders.layout if encoders is not None else None
+    if encoders is None or not isinstance(layout, DbcLayout | Cia406Layout) or layout.file is None:
+        return configuration
+    for place in (folder / layout.file, CONFIG / layout.file):
+        if place.is_file():
+            layout = layout.model_copy(update={"file": str(place.resolve())})
+            return configuration.model_copy(update={"encoders": encoders.model_copy(update={"layout": layout})})
+    return configuration
 
 
 def _refused(source: str, problems: list[str]) -> ConfigurationError:
@@ -193,5 +203,5 @@ def _fields_at(location: tuple[str | int, ...]) -> list[str]:
             if part in model.model_fields:
                 following += models_in(model.model_fields[str(part)].annotation)
         candidates = following or candidates  # a union's tag is part of the location but not a field
-    hidden = HANDED_ON.get(".".join(str(part) for part in location), frozenset())
+    hidden = NOT_KEYS.get(".".join(str(part) for part in location), frozenset())
     return sorted({name for model in candidates for name in model.model_fields} - hidden)

@@ -7,7 +7,8 @@ from typing import NamedTuple
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from runtime.settings.configuration import HANDED_ON, Configuration, models_in
+from runtime.settings.configuration import Configuration, models_in
+from runtime.settings.not_keys import NOT_KEYS
 
 
 class Table(NamedTuple):
@@ -19,7 +20,7 @@ class Table(NamedTuple):
 
     def fields(self) -> Iterator[tuple[str, FieldInfo]]:
         """Names and fields that a file may set, tables below it included."""
-        hidden = HANDED_ON.get(self.path, frozenset())
+        hidden = NOT_KEYS.get(self.path, frozenset())
         return ((name, field) for name, field in self.model.model_fields.items() if name not in hidden)
 
     def leaves(self) -> Iterator[tuple[str, FieldInfo]]:

@@ -10,6 +10,3 @@ class LoopSettings(BaseModel):
 
     rate_hz: float = Field(10.0, gt=0.0, le=100.0, description="beats per second; the laser's own rate")
     priority: int = Field(50, ge=0, le=99, description="SCHED_FIFO priority of the loop's thread; 0 asks for none")
-    ready_s: float = Field(
-        5.0, ge=0.0, le=60.0, description="wait at most this long for both sensors before the first tick"
-    )

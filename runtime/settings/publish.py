@@ -27,21 +27,11 @@ class PublishSettings(BaseModel):
         min_length=1,
         description="zenoh configuration (JSON5) to start from, for TLS and access rules; connect, listen are set here",
     )
-    queue: int = Field(20, ge=1, le=1000, description="ticks that may wait; when full the oldest goes: 2 s at 10 Hz")
     scan_hz: float = Field(
         2.0, ge=0.0, le=50.0, description="scans per second on the key scan; 0 sends none, 2 suffice to look at"
     )
-    scan_beam_step: int = Field(3, ge=1, le=100, description="every n-th beam of it; 3 leaves 361 of 1081")
-    landmarks_hz: float = Field(1.0, ge=0.0, le=10.0, description="maps of landmarks per second; 0 sends none")
-    status_hz: float = Field(1.0, ge=0.1, le=10.0, description="status and health messages per second")
     ros2: bool = Field(False, description="say pose, odometry and TF as a ROS 2 node under rmw_zenoh; gossips then")
     ros2_domain: int = Field(0, ge=0, le=232, description="ROS_DOMAIN_ID of the nodes that shall see them")
-    lease_ms: int = Field(
-        3000,
-        ge=500,
-        le=60000,
-        description="ms of silence after which a peer is taken for gone; zenoh's 10 s is long on Wi-Fi",
-    )
     commands: bool = Field(
         False,
         description="obey mark, save and stop over zenoh; config_file must hold access rules that say who may command",

@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from drivers.settings.vehicle import JUMP_FACTOR
+from runtime.settings.not_keys import INTERNAL
+from runtime.settings.trees import MISSING, Tree, copy_of, put, take, value_at
 
-Tree = dict[str, Any]
-MISSING = object()
+DELIVERED = ("config/infant.dbc", "config/encoder406.eds")
 
 
 class Moved(NamedTuple):
@@ -164,82 +165,129 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
         "slam.view.sight_half_width_m": (0.3, "Tuning.sight_half_width_m"),
         "slam.cell_m": (15.0, "Tuning.cell_m"),
     },
+    "drivers/laser/connect.py": {
+        "laser.connect_timeout_s": (1.0, "CONNECT_TIMEOUT_S"),
+        "laser.reboot_interval_s": (5.0, "REBOOT_INTERVAL_S"),
+    },
+    "drivers/laser/handshake.py": {
+        "laser.reply_timeout_s": (0.5, "REPLY_TIMEOUT_S"),
+        "laser.time_sync_samples": (50, "TIME_SYNC_SAMPLES"),
+    },
+    "drivers/laser/hokuyo.py": {
+        "laser.drift_max_ppm": (200.0, "DRIFT_MAX_PPM"),
+        "laser.stale_after_s": (0.35, "STALE_AFTER_S"),
+        "laser.silence_s": (0.5, "SILENCE_S"),
+        "laser.retry_min_s": (0.1, "RETRY_MIN_S"),
+        "laser.retry_max_s": (0.5, "RETRY_MAX_S"),
+    },
+    "drivers/laser/scans.py": {
+        "laser.frozen_scans": (10, "FROZEN_SCANS"),
+    },
+    "drivers/wheels/encoders.py": {
+        "encoders.bus.silence_s": (0.5, "SILENCE_S"),
+        "encoders.bus.backoff_min_s": (0.1, "BACKOFF_MIN_S"),
+        "encoders.bus.backoff_max_s": (0.5, "BACKOFF_MAX_S"),
+    },
+    "drivers/wheels/layouts/cia406.py": {
+        "encoders.layout.start_nodes": (True, "START_NODES"),
+    },
+    "drivers/wheels/speed.py": {
+        "encoders.degraded_periods": (3.0, "DEGRADED_PERIODS"),
+    },
+    "drivers/wheels/state.py": {
+        "encoders.silent_periods": (10.0, "SILENT_PERIODS"),
+        "encoders.stuck_travel_m": (0.5, "STUCK_TRAVEL_M"),
+    },
+    "runtime/live/run.py": {
+        "loop.ready_s": (5.0, "READY_S"),
+    },
+    "runtime/publish/publisher.py": {
+        "publish.queue": (20, "QUEUE"),
+    },
+    "runtime/publish/session.py": {
+        "publish.lease_ms": (3000, "LEASE_MS"),
+    },
+    "runtime/publish/topics.py": {
+        "publish.status_hz": (1.0, "STATUS_HZ"),
+        "publish.scan_beam_step": (3, "SCAN_BEAM_STEP"),
+        "publish.landmarks_hz": (1.0, "LANDMARKS_HZ"),
+    },
+    "runtime/live/drawing_process.py": {
+        "review.queue": (4000, "QUEUE"),
+    },
+    "runtime/review/writer.py": {
+        "review.trace_every": (10, "TRACE_EVERY"),
+        "review.batch_ticks": (10, "BATCH_TICKS"),
+        "review.sigmas": (2.0, "SIGMAS"),
+    },
 }
 """By file: the key, the constant that it became, and that constant's name there."""
 
-PLACES = {key: (value, f"{name} in {file}") for file, keys in CONSTANTS.items() for key, (value, name) in keys.items()}
+TABLES = {
+    "encoders.layout.left.info": "INFANT_LEFT in drivers/settings/layouts.py",
+    "encoders.layout.right.info": "INFANT_RIGHT in drivers/settings/layouts.py",
+    "simulation.world.laser": "LaserGeometrySettings in drivers/settings/simulated_world.py",
+    "simulation.laser.faults": "`infant sim`, which takes faults while it runs",
+    "simulation.wheels.faults": "`infant sim`, which takes faults while it runs",
+    "encoders.layout.messages": 'a DBC file, which says the same (kind = "dbc")',
+    "simulation.laser.speed_rpm": "LaserModel profiles in drivers/simulated/laser/profiles.py",
+    "simulation.world.drive.corners_m": "DriveSettings in drivers/settings/simulated_world.py",
+    "review.particles_every": "runtime/review/writer.py, which draws them on every tick",
+}
+"""What had no single number; no replay depends on it. Key and where to look."""
+
+PLACES: dict[str, tuple[Any, str]] = {
+    key: (value, f"{name} in {file}") for file, keys in CONSTANTS.items() for key, (value, name) in keys.items()
+} | {
+    f"{path}.{name}": (default, f"{model.__name__}.{name} in {model.__module__.replace('.', '/')}.py")
+    for path, (model, names) in INTERNAL.items()
+    for name in sorted(names)
+    if isinstance(default := model.model_fields[name].default, bool | int | float | str)
+}
 
 
 def refusals(tree: Tree) -> Iterator[str]:
     """One sentence for every key of a file that is no longer a setting."""
     for key, (value, place) in PLACES.items():
-        if _value(tree, key) is not MISSING:
+        if value_at(tree, key) is not MISSING:
             yield f"{key}: is no longer a setting (it is {value}, see {place}); remove the line"
+    for key, place in TABLES.items():
+        if value_at(tree, key) is not MISSING:
+            yield f"{key}: is no longer a setting (see {place}); remove it"
     for key, moved in MOVED.items():
-        if _value(tree, key) is not MISSING:
+        if value_at(tree, key) is not MISSING:
             yield f"{key}: is no longer a setting; give {' and '.join(moved.keys)} instead"
 
 
 def translated(tree: Tree) -> tuple[Tree, list[str]]:
     """The configuration of a recorded run in the keys of today, and what of it is ignored: one phrase for each key."""
-    tree, ignored = _copy(tree), []
+    tree, ignored = copy_of(tree), []
     for key, moved in MOVED.items():
-        old = _taken(tree, key)
+        old = take(tree, key)
         if old is MISSING:
             continue
         value = moved.value(old)
         for new in moved.keys:
-            there = _value(tree, new)
+            there = value_at(tree, new)
             if there is MISSING:
-                _put(tree, new, value)
+                put(tree, new, value)
             elif there != value and moved.entered_replays:
                 ignored.append(f"{key} = {old} is ignored, {new} is {there}")
     for key, (value, place) in PLACES.items():
-        old = _taken(tree, key)
+        old = take(tree, key)
         if old is not MISSING and old != value:
             ignored.append(f"{key} = {old} is ignored, it is {value} ({place})")
+    for key in TABLES:
+        take(tree, key)
+    if value_at(tree, "encoders.layout.kind") == "signals":
+        take(tree, "encoders.layout.left")
+        take(tree, "encoders.layout.right")
+        put(tree, "encoders.layout.kind", "dbc")
+    if value_at(tree, "encoders.layout.file") in DELIVERED:
+        take(tree, "encoders.layout.file")  # the default of today, by the name that it had
     return tree, ignored
 
 
 def ignored_settings(text: str) -> list[str]:
     """What the configuration text of a recorded run says that is not done any more, one phrase for each key."""
     return translated(tomllib.loads(text))[1]
-
-
-def _copy(tree: Tree) -> Tree:
-    return {key: _copy(value) if isinstance(value, dict) else value for key, value in tree.items()}
-
-
-def _tables(tree: Tree, key: str) -> list[Tree]:
-    """The tables on the way to a key, as far as they are there."""
-    tables = [tree]
-    for name in key.split(".")[:-1]:
-        inner = tables[-1].get(name)
-        if not isinstance(inner, dict):
-            break
-        tables.append(inner)
-    return tables
-
-
-def _value(tree: Tree, key: str) -> Any:
-    names, tables = key.split("."), _tables(tree, key)
-    return tables[-1].get(names[-1], MISSING) if len(tables) == len(names) else MISSING
-
-
-def _taken(tree: Tree, key: str) -> Any:
-    """The value at a key, taken out with the tables below the top that it leaves empty."""
-    names, tables = key.split("."), _tables(tree, key)
-    if len(tables) < len(names):
-        return MISSING
-    value = tables[-1].pop(names[-1], MISSING)
-    for name, above, table in zip(names[-2::-1], tables[-2::-1], tables[:0:-1], strict=True):
-        if value is not MISSING and not table and above is not tree:
-            del above[name]
-    return value
-
-
-def _put(tree: Tree, key: str, value: Any) -> None:
-    *tables, last = key.split(".")
-    for table in tables:
-        tree = tree.setdefault(table, {})
-    tree[last] = value

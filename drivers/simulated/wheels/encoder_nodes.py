@@ -1,6 +1,6 @@
 """Two simulated encoder nodes as pure state: time and true travel in, CAN frames out.
 
-Messages are those of config/infant.dbc, whose layout is the only one that these nodes speak.
+Messages are those of infant.dbc, whose layout is the only one that these nodes speak.
 """
 
 from functools import partial

@@ -9,9 +9,10 @@ from drivers.measurements import DriverError
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.layouts import Cia406Layout, DbcLayout, PresetLayout, SignalsLayout
 from drivers.wheels.layouts.presets import preset_layout
-from drivers.wheels.layouts.routes import _refuse_twice, built_message, frames_of, source_file
+from drivers.wheels.layouts.routes import _refuse_twice, built_message, frames_of
 from drivers.wheels.readings import WheelFrames
 
+ROVER_DBC = Path(__file__).with_name("infant.dbc")
 BO_LINE = re.compile(r"^BO_\s+(\d+)\s+(\w+)", re.MULTILINE)
 
 
@@ -22,15 +23,14 @@ def wheel_frames(settings: EncoderSettings) -> WheelFrames:
         from drivers.wheels.layouts.cia406 import cia406_frames  # the extra canopen is needed only here
 
         return cia406_frames(layout, settings)
-    if isinstance(layout, PresetLayout):
-        layout = preset_layout(layout)
-    return frames_of(layout_messages(layout), layout.left, layout.right, settings)
+    described = preset_layout(layout) if isinstance(layout, PresetLayout) else layout
+    return frames_of(layout_messages(described), described.left, described.right, settings)
 
 
 def layout_messages(layout: DbcLayout | SignalsLayout) -> dict[str, Message]:
     """Messages by name, each id once."""
     if isinstance(layout, DbcLayout):
-        return dbc_messages(source_file(layout.file))
+        return dbc_messages(ROVER_DBC if layout.file is None else Path(layout.file))
     messages = {message.name: built_message(message) for message in layout.messages}
     _refuse_twice("messages", [(message.frame_id, message.name) for message in layout.messages])
     return messages

@@ -12,11 +12,13 @@ from drivers.measurements import DriverError
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.layouts import Cia406Layout
 from drivers.settings.wheel_signals import MessageSettings, SignalSettings, WheelSignals
-from drivers.wheels.layouts.routes import built_message, frames_of, source_file
+from drivers.wheels.layouts.routes import built_message, frames_of
 from drivers.wheels.readings import Decoded, Decoder, NodeAlarm, NodeState, Route, Wheel, WheelFrames
 
 POSITION, TOTAL_RANGE = 0x6004, 0x6002
 HEARTBEAT, EMERGENCY = 0x700, 0x080
+ENCODER_EDS = Path(__file__).with_name("encoder406.eds")
+START_NODES = True  # NMT start when the bus opens and after a boot-up message; harmless beside another master
 NMT_START = 0x01
 SIGNED_TYPES = (0x02, 0x03, 0x04, 0x15)  # CiA 301 data types INTEGER8, 16, 32, 64
 
@@ -27,7 +29,7 @@ def cia406_frames(layout: Cia406Layout, settings: EncoderSettings) -> WheelFrame
     Raises DriverError where canopen is missing or the EDS does not map a position.
     """
     nodes = {Wheel.LEFT: layout.left_node, Wheel.RIGHT: layout.right_node}
-    path = source_file(layout.file)
+    path = ENCODER_EDS if layout.file is None else Path(layout.file)
     messages, total_range = {}, 0
     for wheel, node in nodes.items():
         dictionary = read_eds(path, node)
@@ -42,7 +44,7 @@ def cia406_frames(layout: Cia406Layout, settings: EncoderSettings) -> WheelFrame
         routes[EMERGENCY + node] = Route((wheel,), False, 8, _emergency(wheel))
     chosen = {Wheel.LEFT: settings.left.modulus, Wheel.RIGHT: settings.right.modulus}
     modulus = {wheel: chosen[wheel] or total_range or frames.modulus[wheel] for wheel in nodes}
-    start = tuple(CanFrame(0, 0, bytes((NMT_START, node))) for node in nodes.values()) if layout.start_nodes else ()
+    start = tuple(CanFrame(0, 0, bytes((NMT_START, node))) for node in nodes.values() if START_NODES)
     return WheelFrames(routes, modulus, frames.alive_modulus, True, start)
 
 

@@ -1,7 +1,6 @@
 """Settings to a decoder: a DBC, signals written in the configuration, a preset, or CiA 406 from an EDS."""
 
 from collections import Counter
-from pathlib import Path
 
 import cantools
 from cantools.database.can import Message, Signal
@@ -13,14 +12,6 @@ from drivers.settings.wheel_signals import MessageSettings, WheelSignals
 from drivers.wheels.layouts.messages import FeedbackMessage, InfoMessage
 from drivers.wheels.layouts.presets import COUNTS_PER_MOTOR_TURN
 from drivers.wheels.readings import Decoder, Route, Wheel, WheelFrames
-
-SOURCE_TREE = Path(__file__).resolve().parents[3]
-
-
-def source_file(name: str) -> Path:
-    """The path as it is, else below the source tree, so that the rover's own files are found from any folder."""
-    path = Path(name)
-    return path if path.exists() or path.is_absolute() else SOURCE_TREE / path
 
 
 def built_message(settings: MessageSettings) -> Message:

@@ -60,8 +60,8 @@ def test_a_laser_that_is_not_well_is_named_and_tried_again(
 ) -> None:
     told: dict[str, Any] = {field: text}
     monkeypatch.setitem(PROFILES, "UTM-30LX", dataclasses.replace(PROFILES["UTM-30LX"], **told))
-    settings = {"reboot_on_fault": False, "retry_max_s": 0.1}
-    with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url, **settings)) as driver:
+    monkeypatch.setattr(hokuyo, "RETRY_MAX_S", 0.1)
+    with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url, reboot_on_fault=False)) as driver:
         wait_for(lambda: driver.health().counters.get("reconnects", 0) >= 2)
         health = driver.health()
     assert sentence in health.reason

@@ -179,14 +179,15 @@ def test_bytes_are_recorded_always_or_only_around_an_error() -> None:
     with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url), always) as driver:
         next_scan(driver)
     assert always.bytes > 3372
-    with simulated_laser(FAST) as (device, _):
-        settings = LaserSettings(url=device.url, raw="around_errors")
-        with driven(settings, around) as driver:
-            next_scan(driver)
-            next_scan(driver)
-            assert around.bytes == 0
-            device.inject({"kind": "bad_checksum", "duration_s": 0.2})
-            wait_for(lambda: around.bytes > 3 * 3372)  # those before the error are among them
+    with (
+        simulated_laser(FAST) as (device, _),
+        driven(LaserSettings(url=device.url), around, raw_around_errors=True) as driver,
+    ):
+        next_scan(driver)
+        next_scan(driver)
+        assert around.bytes == 0
+        device.inject({"kind": "bad_checksum", "duration_s": 0.2})
+        wait_for(lambda: around.bytes > 3 * 3372)  # those before the error are among them
 
 
 def trouble_with(url: str, reply_timeout_s: float = 0.1) -> str:

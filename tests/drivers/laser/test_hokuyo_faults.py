@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from drivers.laser import connect, handshake, hokuyo, scans
 from drivers.laser.hokuyo import Hokuyo
 from drivers.settings.laser import LaserSettings
 from drivers.settings.simulated_laser import FaultKind, SimulatedLaserSettings
@@ -42,6 +43,14 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
 ]
 
 
+@pytest.fixture(autouse=True)
+def _in_a_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connect, "REBOOT_INTERVAL_S", 0.0)
+    monkeypatch.setattr(scans, "FROZEN_SCANS", 5)
+    monkeypatch.setattr(hokuyo, "RETRY_MIN_S", 0.01)
+    monkeypatch.setattr(handshake, "TIME_SYNC_SAMPLES", 1)
+
+
 def name_of(fault: dict[str, Any]) -> str:
     return str(fault["kind"]) + ("_" + fault["status"] if "status" in fault else "")
 
@@ -65,9 +74,8 @@ def endure(fault: dict[str, Any], counter: str, times: int, rate_hz: float, atte
 
     attempts: on a busy machine a fault of half a second can pass while neither laser nor driver runs.
     """
-    settings = {"rate_hz": rate_hz, "reboot_interval_s": 0.0, "frozen_scans": 5}
     recoveries = []
-    with simulated_laser(LASER) as (device, _), driven(LaserSettings(url=device.url, **settings)) as driver:
+    with simulated_laser(LASER) as (device, _), driven(LaserSettings(url=device.url, rate_hz=rate_hz)) as driver:
         for _ in range(times):
             # each fault finds a laser at work; one that strikes during the repair of another is no case of its own
             working = count_of(driver, "scans") + 4
@@ -76,8 +84,8 @@ def endure(fault: dict[str, Any], counter: str, times: int, rate_hz: float, atte
             # a fault without a duration is over after a moment, or after the reboot that the driver asks for
             wait_for(lambda: not device.has_faults and device.is_listening)
             driver.latest()
-            scans = count_of(driver, "scans")
-            recoveries.append(wait_for(lambda before=scans: count_of(driver, "scans") > before))  # type: ignore[misc]
+            taken = count_of(driver, "scans")
+            recoveries.append(wait_for(lambda before=taken: count_of(driver, "scans") > before))  # type: ignore[misc]
         assert driver.latest() is not None
     return recoveries
 
@@ -116,7 +124,7 @@ def reconnect(times: int) -> tuple[list[int], list[int]]:
     """Open descriptors and resident pages, sampled after each tenth of the reconnects; asserts on threads."""
     descriptors, pages = [], []
     with simulated_laser(LASER) as (device, _):
-        settings = LaserSettings(url=device.url, rate_hz=40.0, retry_min_s=0.01, time_sync_samples=1)
+        settings = LaserSettings(url=device.url, rate_hz=40.0)
         with driven(settings) as driver:
             next_scan(driver)
             threads = threading.active_count()

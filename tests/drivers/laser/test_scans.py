@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from drivers.events import EventLog
+from drivers.laser import scans
 from drivers.laser.clock import LaserClock
 from drivers.laser.scans import ScanAssembly
 from drivers.measurements import Scan
@@ -95,8 +96,9 @@ def test_a_stamp_that_stands_still_is_dropped_and_counted() -> None:
     assert bench.take(3) is not None
 
 
-def test_the_same_ranges_again_and_again_are_no_scans() -> None:
-    bench = Bench(frozen_scans=3)
+def test_the_same_ranges_again_and_again_are_no_scans(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scans, "FROZEN_SCANS", 3)
+    bench = Bench()
     frozen = list(range(100, 1181))
     taken = [bench.take(number, bench.message(number, frozen)) is not None for number in range(6)]
     assert taken == [True, True, True, False, False, False]
@@ -104,8 +106,9 @@ def test_the_same_ranges_again_and_again_are_no_scans() -> None:
     assert bench.events.counters["frozen_scans"] == 3
 
 
-def test_an_empty_field_is_not_frozen() -> None:
-    bench = Bench(frozen_scans=3)
+def test_an_empty_field_is_not_frozen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scans, "FROZEN_SCANS", 3)
+    bench = Bench()
     assert all(bench.take(number, bench.message(number, [1] * 1081)) is not None for number in range(9))
 
 

@@ -25,6 +25,7 @@ from drivers.settings.encoders import EncoderSettings
 from drivers.settings.layouts import Cia406Layout
 from drivers.settings.simulated_wheels import SimulatedWheelSettings
 from drivers.simulated.wheels.node import WheelNode
+from drivers.wheels import encoders as encoders_module
 from drivers.wheels.encoders import CanEncoders
 from tests.support.drivers.candump import read_candump
 from tests.support.drivers.waiting import wait_until
@@ -232,8 +233,11 @@ def test_a_burst_of_three_thousand_frames_loses_nothing() -> None:
     assert counters.get("left.lost", 0) % ALIVE_VALUES == counters.get("right.lost", 0) % ALIVE_VALUES == 0
 
 
-def test_an_interface_that_is_not_there_is_tried_again_and_named_with_its_remedy() -> None:
-    bus = BusSettings(interface="socketcan", channel="vcan_absent"[:15], backoff_min_s=0.02, backoff_max_s=0.05)
+def test_an_interface_that_is_not_there_is_tried_again_and_named_with_its_remedy(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(encoders_module, "BACKOFF_MAX_S", 0.05)
+    bus = BusSettings(interface="socketcan", channel="vcan_absent"[:15])
     encoders = CanEncoders(EncoderSettings(bus=bus), time.monotonic_ns)
     encoders.start()
     try:
@@ -247,7 +251,8 @@ def test_an_interface_that_is_not_there_is_tried_again_and_named_with_its_remedy
     assert len(events) == 1, "the log is not flooded by attempts"
 
 
-def test_a_bus_that_comes_later_is_found(tmp_path: Path) -> None:
+def test_a_bus_that_comes_later_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(encoders_module, "BACKOFF_MAX_S", 0.05)
     leader, follower = pty.openpty()
     tty.setraw(leader)
     path = os.ttyname(follower)
@@ -256,8 +261,6 @@ def test_a_bus_that_comes_later_is_found(tmp_path: Path) -> None:
         interface="slcan",
         channel=str(link),
         options={"sleep_after_open": 0.0, "timeout": 0.01},
-        backoff_min_s=0.02,
-        backoff_max_s=0.05,
     )
     encoders = CanEncoders(EncoderSettings(bus=bus), time.monotonic_ns)
     listener = Listener(encoders)

@@ -14,11 +14,10 @@ from drivers.settings.encoders import EncoderSettings, WheelSettings
 from drivers.settings.layouts import Cia406Layout, DbcLayout, PresetLayout, SignalsLayout
 from drivers.settings.vehicle import VehicleSettings
 from drivers.settings.wheel_signals import MessageSettings, SignalSettings, WheelSignals
-from drivers.wheels.layouts.choose import dbc_messages, layout_messages, wheel_frames
+from drivers.wheels.layouts.choose import ROVER_DBC, dbc_messages, layout_messages, wheel_frames
 from drivers.wheels.layouts.messages import FeedbackMessage, InfoMessage
 from drivers.wheels.pair import WheelPair
 from drivers.wheels.readings import NodeAlarm, NodeInfo, NodeState, Refused, Wheel, WheelReading
-from runtime.source_tree import CONFIG
 from tests.support.drivers.candump import read_candump
 
 LAYOUT = DbcLayout()
@@ -152,7 +151,7 @@ def test_both_wheels_may_share_a_message_and_each_gets_its_refusal() -> None:
         left=WheelSignals(message="BOTH", count="l"),
         right=WheelSignals(message="BOTH", count="r"),
     )
-    frames = wheel_frames(EncoderSettings(layout=both))
+    frames = wheel_frames(EncoderSettings().model_copy(update={"layout": both}))
     readings = frames.decode(CanFrame(0, 0x200, struct.pack("<HHI", 7, 9, 0)))
     assert [reading.position for reading in readings if isinstance(reading, WheelReading)] == [7, 9]
     assert frames.modulus == {Wheel.LEFT: 65536, Wheel.RIGHT: 65536}
@@ -261,7 +260,7 @@ def test_a_missing_canopen_is_said_in_one_sentence(monkeypatch: pytest.MonkeyPat
 def test_a_dbc_with_duplicate_ids_or_overlaps_is_refused(
     tmp_path: Path, change: tuple[str, str], sentence: str
 ) -> None:
-    text = (CONFIG / "infant.dbc").read_text()
+    text = ROVER_DBC.read_text()
     path = tmp_path / "bad.dbc"
     path.write_text(text.replace(*change))
     with pytest.raises(DriverError, match=sentence):

@@ -83,7 +83,8 @@ def test_a_dead_child_is_a_state_with_its_reason(tmp_path: Path) -> None:
 def test_a_deaf_child_costs_records_and_neither_feed_nor_close(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("runtime.live.drawing_process.WRITE_S", 0.2)
     monkeypatch.setattr("runtime.live.drawing_process.STALLED_S", 0.2)
-    process = ReviewProcess(tmp_path / "review.rrd", ReviewSettings(queue=100))
+    monkeypatch.setattr("runtime.live.drawing_process.QUEUE", 100)
+    process = ReviewProcess(tmp_path / "review.rrd", ReviewSettings())
     os.kill(process.pid, signal.SIGSTOP)
     for _ in range(400):
         process.feed(Record("/scan", 0, bytes(4000)))

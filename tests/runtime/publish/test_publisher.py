@@ -246,8 +246,9 @@ def test_a_killed_router_costs_put_nothing_and_is_found_again() -> None:
         stop_router(router)
 
 
-def test_a_full_queue_loses_the_oldest_tick_and_counts_it() -> None:
-    settings = settings_on(free_port(), queue=5, connect=("tls/127.0.0.1:1",), config_file=None)
+def test_a_full_queue_loses_the_oldest_tick_and_counts_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("runtime.publish.publisher.QUEUE", 5)
+    settings = settings_on(free_port(), connect=("tls/127.0.0.1:1",), config_file=None)
     publisher = ZenohPublisher(settings.model_copy(update={"enabled": False}), "r1")
     publisher._settings = settings  # the thread never starts, as if the network hung for ever
     put_ticks(publisher, range(12), 0.0)

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pytest
 
 from drivers.measurements import SensorHealth, SensorState
 from runtime.health import Health, RunState
@@ -53,9 +54,10 @@ def test_two_rovers_are_both_found_and_do_not_mix() -> None:
     assert found[1]["listening"] == [endpoints[0]]
 
 
-def test_the_rate_in_the_status_is_that_of_the_ticks() -> None:
+def test_the_rate_in_the_status_is_that_of_the_ticks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("runtime.publish.publisher.QUEUE", 100)
     port = free_port()
-    with publishing(settings_on(port, queue=100)) as publisher:
+    with publishing(settings_on(port)) as publisher:
         assert opened(publisher)
         put_ticks(publisher, range(41), 0.0)
 

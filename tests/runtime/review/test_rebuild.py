@@ -161,7 +161,9 @@ def test_what_the_record_lost_is_said(records: list[Record], tmp_path: Path) -> 
     assert texts[0] == "record gap: 3 tick(s) and 40 raw message(s) lost: the disk was full"
 
 
-def test_scans_on_every_other_tick_leave_a_trace_all_the_same(records: list[Record], tmp_path: Path) -> None:
+def test_scans_on_every_other_tick_leave_a_trace_all_the_same(
+    records: list[Record], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sparse, blind = [], False
     for record in records:
         if record.topic == "/scan":
@@ -177,7 +179,8 @@ def test_scans_on_every_other_tick_leave_a_trace_all_the_same(records: list[Reco
             sparse.append(encode_tick(replace(moment.tick, scan=None)))
         elif record.topic != "/scan":
             sparse.append(record)
-    drawn = draw(tmp_path / "review.rrd", sparse, trace_every=5)
+    monkeypatch.setattr("runtime.review.writer.TRACE_EVERY", 5)
+    drawn = draw(tmp_path / "review.rrd", sparse)
     traces = drawn.elapsed_s["/map/laser/trace"]
     assert np.diff(traces) == pytest.approx(np.full(len(traces) - 1, 0.6)), "the first scan after 5 ticks"
 

@@ -161,7 +161,7 @@ def test_memory_stays_bounded_over_twenty_minutes_of_drawing(tmp_path: Path, mon
     monkeypatch.setattr(
         "runtime.live.drawing_process.RENEW_MB", RENEWED_MB
     )  # sooner than on a rover, so that it is seen
-    process = ReviewProcess(tmp_path / "review.rrd", ReviewSettings(queue=4000), MOUNT)
+    process = ReviewProcess(tmp_path / "review.rrd", ReviewSettings(), MOUNT)
     resident_mb: list[float] = []
     for minute in range(20):
         for tick in drive(600, seed=minute, start_ns=5_000_000_000 + minute * 60_000_000_000):

@@ -139,9 +139,10 @@ def test_a_shutdown_may_take_longer_than_the_watchdog_waits(tmp_path: Path) -> N
         manager.close()
 
 
-def test_the_lasers_thread_gives_signs_while_nobody_answers() -> None:
+def test_the_lasers_thread_gives_signs_while_nobody_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("drivers.laser.hokuyo.RETRY_MAX_S", 0.1)
     sign = Sign()
-    laser = Hokuyo(LaserSettings(url="tcp://127.0.0.1:9", retry_max_s=0.1), lambda: 0, alive=sign)
+    laser = Hokuyo(LaserSettings(url="tcp://127.0.0.1:9"), lambda: 0, alive=sign)
     laser.start()
     assert sign.goes_on()
     laser.close()

@@ -43,8 +43,8 @@ def simulated_laser(settings: SimulatedLaserSettings) -> Iterator[tuple[LaserDev
 
 
 @contextmanager
-def driven(settings: LaserSettings, tap: RawTap | None = None) -> Iterator[Hokuyo]:
-    driver = Hokuyo(settings, time.monotonic_ns, tap)
+def driven(settings: LaserSettings, tap: RawTap | None = None, raw_around_errors: bool = False) -> Iterator[Hokuyo]:
+    driver = Hokuyo(settings, time.monotonic_ns, tap, raw_around_errors=raw_around_errors)
     driver.start()
     try:
         yield driver

@@ -32,7 +32,6 @@ particles = 10
 x_m = 0.3
 [laser]
 url = "tcp://127.0.0.1:0"
-reboot_interval_s = 0.5
 [encoders.bus]
 interface = "udp_multicast"
 port = 0
@@ -44,9 +43,6 @@ enabled = false
 live = false
 [simulation.world]
 seed = 1
-[simulation.laser]
-boot_s = 0.2
-reboot_disconnect_s = 0.1
 """
 UNTOLD = re.compile(r" \(and (\d+) more before\)$")
 
