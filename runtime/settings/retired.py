@@ -229,6 +229,7 @@ TABLES = {
     "simulation.world.laser": "LaserGeometrySettings in drivers/settings/simulated_world.py",
     "simulation.laser.faults": "`infant sim`, which takes faults while it runs",
     "simulation.wheels.faults": "`infant sim`, which takes faults while it runs",
+    "laser.raw": "record.raw, which decides it",
     "encoders.layout.messages": 'a DBC file, which says the same (kind = "dbc")',
     "simulation.laser.speed_rpm": "LaserModel profiles in drivers/simulated/laser/profiles.py",
     "simulation.world.drive.corners_m": "DriveSettings in drivers/settings/simulated_world.py",

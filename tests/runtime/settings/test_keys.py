@@ -1,6 +1,8 @@
 import tomllib
 from collections import Counter
 
+from pydantic import BaseModel
+
 from docs.generate.configuration_page import TASKS, configuration_page, task_of, unit
 from runtime.settings.configuration import Configuration, load_configuration, models_in
 from runtime.settings.keys import distinct_keys, tables
@@ -51,7 +53,8 @@ def test_the_unit_stands_in_the_name_of_a_length_and_a_time() -> None:
 def test_fields_that_are_no_keys_are_fields_and_stand_in_no_configuration_that_is_written_down() -> None:
     written = tomllib.loads(load_configuration(CONFIG / "mock.toml").text)
     for path, names in NOT_KEYS.items():
-        models, table = [Configuration], written
+        models: list[type[BaseModel]] = [Configuration]
+        table = written
         for part in path.split("."):
             models = [
                 inner

@@ -127,6 +127,16 @@ def test_a_recorded_configuration_of_before_is_the_same_filter() -> None:
     assert ignored_settings(OLD) == []
 
 
+def test_the_whole_configuration_of_a_run_of_before_is_read_and_nothing_of_it_is_ignored() -> None:
+    text = (Path(__file__).with_name("recorded_before.toml")).read_text(encoding="utf-8")
+    assert ignored_settings(text) == []
+    before = load_configuration_text(text)
+    today = load_configuration(ROOT / "config" / "mock.toml")
+    assert before.slam.odometry.jump_speed_mps == 40.0
+    vehicle = before.vehicle.model_copy(update={"max_speed_mps": today.vehicle.max_speed_mps})
+    assert load_configuration_text(before.model_copy(update={"vehicle": vehicle}).text) == today
+
+
 def test_gates_arrive_at_the_kernels_as_the_numbers_that_they_were() -> None:
     tuning = load_configuration_text(OLD).slam.tuning()
     assert (tuning.match_square, tuning.match_per_metre_square) == (-2.0 * -3.0, 2.0 * 0.6)
