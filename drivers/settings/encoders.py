@@ -1,4 +1,4 @@
-"""Settings of the wheel encoders: the bus, where in the frames the counts are, and what motion is possible."""
+"""[encoders]: the bus, and where in its frames the counts are."""
 
 from typing import Literal
 
@@ -14,17 +14,22 @@ class WheelSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    sign: Literal[1, -1] = Field(default=1, description="-1 where the counter falls while the rover drives forward")
+    sign: Literal[1, -1] = Field(
+        default=1,
+        description="-1 where the counter falls while the rover drives forward. Push it forward and look: `infant "
+        "check` shows both counts",
+    )
     modulus: int = Field(
         default=0,
         ge=0,
         le=2**63,
-        description="the counter wraps here (65536, 9000, object 6002h); 0: as wide as its signal",
+        description="where the counter wraps (65536, 9000, object 6002h); 0: as wide as its signal. Set it for a "
+        "counter that starts anew with each turn; data sheet",
     )
 
 
 class EncoderSettings(BaseModel):
-    """The table [encoders] of the configuration."""
+    """How the wheels are read; their geometry stands in [vehicle]."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -33,13 +38,19 @@ class EncoderSettings(BaseModel):
     layout: Layout = Field(default_factory=DbcLayout)
     left: WheelSettings = Field(default_factory=WheelSettings)
     right: WheelSettings = Field(default_factory=WheelSettings)
-    period_ms: float = Field(default=20.0, ge=1.0, le=1000.0, description="time between two frames of one wheel")
+    period_ms: float = Field(
+        default=20.0,
+        ge=1.0,
+        le=1000.0,
+        description="time between two frames of one wheel. What the node is set to; a node that reports another is "
+        "named",
+    )
     speed_tolerance_m: float = Field(
         default=0.008,
         ge=0.0,
         le=10.0,
-        description="counts and speed signal may drift apart by this over half a second, below 1 cm so that a stuck "
-        "counter never turns the rover; 0: not compared, for devices that filter their speed",
+        description="m by which counts and speed signal may drift apart over half a second; below 1 cm, so that a "
+        "stuck counter never turns the rover. 0 for devices that filter their speed: not compared",
     )
 
     @property

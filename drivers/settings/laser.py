@@ -1,4 +1,4 @@
-"""Settings of the laser driver."""
+"""[laser]: where the laser is, and what is asked of it."""
 
 from typing import Literal, Self
 from urllib.parse import parse_qs, urlsplit
@@ -10,41 +10,71 @@ BAUDS = (115200, 19200, 57600, 38400, 250000, 500000, 750000)
 
 
 class LaserSettings(BaseModel):
-    """One table of the configuration. Everything about the model comes from the sensor itself, not from here."""
+    """Where the laser is, and what is asked of it. Everything about the model comes from the sensor itself."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     url: str = Field(
         "tcp://192.168.0.10:10940",
-        description="tcp://HOST:PORT or serial:///dev/NAME, optionally with ?baud=N for the rate to run at; "
-        "the default is the sensors' address when they leave the factory",
+        description="tcp://HOST:PORT or serial:///dev/NAME, optionally with ?baud=N for the rate to run at. The "
+        "default is the sensors' address when they leave the factory; change it where the sensor has another",
     )
     rate_hz: float = Field(
-        10.0, gt=0.0, le=50.0, description="scans per second; a faster sensor is asked to leave scans out"
+        10.0,
+        gt=0.0,
+        le=50.0,
+        description="scans per second; a faster sensor is asked to leave scans out. Lower it, with loop.rate_hz, "
+        "on a slow computer; `infant check` warns of a rate that the sensor cannot give",
     )
     command: Literal["MD", "MS", "ME", "ND", "NE"] = Field(
-        "MD", description="MD ranges, MS short ranges (4 m), ME with intensity, ND and NE with several echoes"
+        "MD",
+        description="MD ranges, MS short ranges (4 m), ME with intensity, ND and NE with several echoes. Change it "
+        "to choose an echo: behind rain and glass the last one counts. Intensities are not recorded",
     )
     echo: Literal["first", "strongest", "last"] = Field(
-        "first", description="echo kept of several; last needs ND or NE, strongest NE"
+        "first",
+        description="which of several echoes is kept; last needs ND or NE, strongest NE. Change it in rain, dust "
+        "or behind glass",
     )
-    cluster: int = Field(1, ge=1, le=99, description="steps joined to one value, the smallest of them")
+    cluster: int = Field(
+        1,
+        ge=1,
+        le=99,
+        description="steps joined to one value, the smallest of them. Raise it where the link or the computer is "
+        "too slow for every beam",
+    )
     angle_min_deg: float | None = Field(
-        None, ge=-180.0, le=180.0, description="first bearing, counter-clockwise from the front; absent: all there are"
+        None,
+        ge=-180.0,
+        le=180.0,
+        description="first bearing, counter-clockwise from the front; absent: all there are. Set it where the "
+        "laser sees the vehicle itself",
     )
-    angle_max_deg: float | None = Field(None, ge=-180.0, le=180.0, description="last bearing; absent: all there are")
+    angle_max_deg: float | None = Field(
+        None, ge=-180.0, le=180.0, description="last bearing; absent: all there are. Set it as angle_min_deg"
+    )
     stamp_reference: Literal["step_zero", "behind"] = Field(
         "step_zero",
-        description="what the device's stamp belongs to: its step 0 (SCIP 2.0 specification; default of every model, "
-        "measured on none that is not simulated) or the direction straight behind",
+        description="what the device's stamp belongs to: its step 0 (SCIP 2.0 specification; default of every "
+        "model, measured on none that is not simulated) or the direction straight behind. Change it where `infant "
+        "calibrate` finds a latency of half a turn",
     )
     stamp_offset_s: float = Field(
-        0.0, ge=-1.0, le=1.0, description="s, added to every stamp; for a firmware whose clock is known to be off"
+        0.0,
+        ge=-1.0,
+        le=1.0,
+        description="s, added to every stamp. For a firmware whose clock is known to be off: `infant calibrate` "
+        "finds it",
     )
     time_sync: bool = Field(
-        True, description="ask for the device's clock (TM) before streaming; off for firmware whose TM is broken"
+        True,
+        description="ask for the device's clock (TM) before streaming. Off for firmware whose TM is broken: "
+        "`infant check` then names a laser that does not start",
     )
-    reboot_on_fault: bool = Field(True, description="reboot the sensor (RB) when it reports a malfunction")
+    reboot_on_fault: bool = Field(
+        True,
+        description="reboot the sensor (RB) when it reports a malfunction. Off where someone shall look at it first",
+    )
 
     @field_validator("url")
     @classmethod

@@ -46,15 +46,31 @@ LaserModel = Literal["UTM-X001S", "UTM-30LX", "UTM-30LX-EW", "UST-10LX", "UST-20
 
 
 class SimulatedLaserSettings(BaseModel):
-    """One table of the configuration."""
+    """The simulated laser and its clock."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    model: LaserModel = Field("UTM-X001S", description="profile; the default is the sensor of the rover")
+    model: LaserModel = Field(
+        "UTM-X001S",
+        description="profile of the simulated sensor; the default is that of the rover. Change it to try a model "
+        "before buying it",
+    )
     speed_rpm: int | None = Field(None, ge=60, le=6000, description="turns a minute (SCAN); absent: as the profile")
-    host: str = Field("127.0.0.1", description="address to listen at")
-    port: int = Field(0, ge=0, le=65535, description="TCP port; 0: any that is free")
-    pty: str | None = Field(None, description="path of a link to a pseudo-terminal that is served as well")
+    host: str = Field(
+        "127.0.0.1",
+        description="address to listen at; `infant sim --listen` sets it",
+    )
+    port: int = Field(
+        0,
+        ge=0,
+        le=65535,
+        description="TCP port; 0: any that is free. A fixed one for a client that is told where to look",
+    )
+    pty: str | None = Field(
+        None,
+        description="path of a link to a pseudo-terminal that is served as well, for a client on a serial line; "
+        "`infant sim --pty` sets it",
+    )
     skew_ppm: float = Field(
         20.0, ge=-2000.0, le=2000.0, description="ppm by which the device's clock is faster; a crystal's"
     )

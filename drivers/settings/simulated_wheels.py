@@ -68,7 +68,8 @@ class SimulatedWheelSettings(BaseModel):
         default=0.01,
         ge=0.0,
         le=0.5,
-        description="standard deviation in m of what slip adds over 1 m; grows with the root of the way",
+        description="standard deviation in m of what slip adds over 1 m; grows with the root of the way. 0 where "
+        "every count shall be accounted for",
     )
     start_count: int = Field(
         default=0xFFFFFF00,

@@ -64,7 +64,10 @@ class DriveSettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     speed_mps: float = Field(
-        default=0.5, ge=0.0, le=1.95, description="cruising speed, m/s; 7 km/h is the rover's limit"
+        default=0.5,
+        ge=0.0,
+        le=1.95,
+        description="cruising speed, m/s; 7 km/h is the rover's limit. Change it to see slower or faster drives",
     )
     rest_s: float = Field(
         default=2.0,
@@ -105,7 +108,8 @@ class WorldSettings(BaseModel):
         default=7,
         ge=0,
         le=200,
-        description="walkers: crossing, along the course, standing and then leaving",
+        description="walkers: crossing, along the course, standing and then leaving. Change it to see a fuller or "
+        "an empty park",
     )
     drive: DriveSettings = DriveSettings()
     laser: LaserGeometrySettings = LaserGeometrySettings()

@@ -24,20 +24,44 @@ class WheelSignals(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    message: str = Field(description="message name")
+    message: str = Field(
+        description="name of the message in the DBC that carries this wheel",
+    )
     frame_id: int = Field(
         default=-1, ge=-1, le=0x1FFFFFFF, description="in place of the message's own id; -1: keeps it"
     )
-    count: str = Field(default="", description="signal of the cumulative position")
-    counts_per_unit: float = Field(default=1.0, gt=0.0, description="counts in one unit of the scaled position")
-    speed: str = Field(default="", description="signal of the speed; integrated where there is no position")
-    speed_unit: SpeedUnit = Field(default="counts_per_period", description="unit of the scaled speed")
-    status: str = Field(default="", description="signal of the state")
+    count: str = Field(
+        default="", description="signal of the cumulative position; empty for a device that sends only its speed"
+    )
+    counts_per_unit: float = Field(
+        default=1.0,
+        gt=0.0,
+        description="counts in one unit of the scaled position: change it where the DBC scales to turns or metres",
+    )
+    speed: str = Field(
+        default="", description="signal of the speed; integrated where there is no position, compared with it elsewhere"
+    )
+    speed_unit: SpeedUnit = Field(
+        default="counts_per_period", description="unit of the scaled speed, as the DBC's scale leaves it"
+    )
+    status: str = Field(
+        default="",
+        description="signal of the state; empty where the device sends none",
+    )
     status_mask: int = Field(default=0xFFFFFFFF, ge=0, le=0xFFFFFFFF, description="bits of the state that matter")
-    status_ok: tuple[int, ...] = Field(default=(0,), description="values of those bits with which the counts are good")
-    alive: str = Field(default="", description="signal of the rolling counter; wraps as wide as it is")
-    boot_id: str = Field(default="", description="signal that changes with every power-up")
-    crc: str = Field(default="", description="signal of the CRC-8, a whole byte")
+    status_ok: tuple[int, ...] = Field(
+        default=(0,), description="values of the state with which the counts are good; the device's manual lists them"
+    )
+    alive: str = Field(
+        default="", description="signal of the rolling counter, which shows lost frames; wraps as wide as it is"
+    )
+    boot_id: str = Field(
+        default="", description="signal that changes with every power-up, so that a counter that began anew is no jump"
+    )
+    crc: str = Field(
+        default="",
+        description="signal of the CRC-8 (SAE J1850 over id and data), a whole byte; empty where the device sends none",
+    )
     crc_polynomial: int = Field(default=0x1D, ge=1, le=255, description="SAE J1850")
     crc_init: int = Field(default=0xFF, ge=0, le=255, description="SAE J1850")
     crc_xor_out: int = Field(default=0xFF, ge=0, le=255, description="SAE J1850")

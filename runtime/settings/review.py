@@ -8,5 +8,9 @@ class ReviewSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    live: bool = Field(True, description="draw while driving, in another process; infant review can do it later")
+    live: bool = Field(
+        True,
+        description="draw while driving, in another process; `infant review` can do it later. Off on a computer "
+        "without two cores to spare",
+    )
     scan_every: int = Field(1, ge=1, le=100, description="laser points of every n-th tick: most of the file")
