@@ -20,7 +20,6 @@ from drivers.wheels.encoders import CanEncoders
 from runtime.errors import ConfigurationError
 from runtime.settings.configuration import Configuration
 from runtime.simulation.rover_process import SimulatedRover
-from slam.estimator import Estimator
 
 POLL_S = 0.1
 LISTEN_S = 4.0  # long enough for a start-up and a second of stream
@@ -142,6 +141,8 @@ def check_endpoint(endpoint: str) -> Check:
 
 def check_compile_cache(configuration: Configuration) -> Check:
     """Compile or load the kernels now; long means that there was no cache."""
+    from slam.estimator import Estimator  # brings numba, half a second that a check of the file alone does not need
+
     began_s = time.monotonic()
     Estimator.warm_up(configuration.slam)
     took_s = time.monotonic() - began_s
