@@ -190,9 +190,9 @@ def test_bytes_are_recorded_always_or_only_around_an_error() -> None:
         wait_for(lambda: around.bytes > 3 * 3372)  # those before the error are among them
 
 
-def trouble_with(url: str, reply_timeout_s: float = 0.1) -> str:
+def trouble_with(url: str) -> str:
     """The one sentence that the driver says of a laser that cannot be used."""
-    with driven(LaserSettings(url=url, reply_timeout_s=reply_timeout_s)) as driver:
+    with driven(LaserSettings(url=url)) as driver:
         wait_for(lambda: driver.health().reason != f"connecting to {url}")
         health = driver.health()
     assert health.state is SensorState.STARTING

@@ -122,23 +122,22 @@ def test_speeds_alone_are_integrated_and_a_gap_is_unknown_motion() -> None:
     from drivers.settings.wheel_signals import MessageSettings, SignalSettings, WheelSignals
 
     wheel = WheelSignals(message="V", speed="l", speed_unit="mps")
-    settings = EncoderSettings(
-        layout=SignalsLayout(
-            messages=(
-                MessageSettings(
-                    name="V",
-                    frame_id=0x100,
-                    length=4,
-                    signals=(
-                        SignalSettings(name="l", start=0, length=16, type="signed", scale=0.001),
-                        SignalSettings(name="r", start=16, length=16, type="signed", scale=0.001),
-                    ),
+    layout = SignalsLayout(
+        messages=(
+            MessageSettings(
+                name="V",
+                frame_id=0x100,
+                length=4,
+                signals=(
+                    SignalSettings(name="l", start=0, length=16, type="signed", scale=0.001),
+                    SignalSettings(name="r", start=16, length=16, type="signed", scale=0.001),
                 ),
             ),
-            left=wheel,
-            right=wheel.model_copy(update={"speed": "r"}),
-        )
+        ),
+        left=wheel,
+        right=wheel.model_copy(update={"speed": "r"}),
     )
+    settings = EncoderSettings().model_copy(update={"layout": layout})
     frames: WheelFrames = wheel_frames(settings)
     pair = WheelPair(settings, frames)
     beats = [*range(51), *range(80, 131)]
