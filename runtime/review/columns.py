@@ -14,6 +14,7 @@ from slam.pose import Pose2
 Columns = Mapping[str, Sequence[Any]]
 
 GRAIN_M = 1.0 / 256.0  # 4 mm: far below what a picture shows, and the zero bits that are left compress
+SIGMAS = 2.0  # half axes of covariance ellipses, in standard deviations
 
 
 HEIGHTS_M = {"map/path": 0.05, "map/landmarks": 0.1, "map/association": 0.15, "map/particles": 0.2}
@@ -50,9 +51,9 @@ class ReviewColumns:
         """Lines, each (K, 2)."""
         self._add(path, "strips", [flat(strip, height_m(path)) for strip in strips_m])
 
-    def ellipses(self, path: str, means_m: FloatArray, covariances_m2: FloatArray, sigmas: float, colors: Any) -> None:
+    def ellipses(self, path: str, means_m: FloatArray, covariances_m2: FloatArray, colors: Any) -> None:
         """Covariance ellipses of (N, 2, 2) around (N, 2); colors (N, 4), or None where the style is static."""
-        self._add(path, "ellipses", (flat(means_m, height_m(path)), *ellipse_axes(covariances_m2, sigmas), colors))
+        self._add(path, "ellipses", (flat(means_m, height_m(path)), *ellipse_axes(covariances_m2, SIGMAS), colors))
 
     def pose(self, path: str, pose: Pose2) -> None:
         """Frame of what is drawn below this path."""

@@ -15,7 +15,7 @@ from runtime.messages.pipe import CARRIED, SEGMENT
 from runtime.messages.tick import Record
 from runtime.record.folder import RunFolder
 from runtime.review.clock_offset import LaserClockOffset
-from runtime.review.columns import ReviewColumns, mixed
+from runtime.review.columns import SIGMAS, ReviewColumns, mixed
 from runtime.review.curves import draw_curves
 from runtime.review.innovation import draw_innovation, innovations, predicted_motion
 from runtime.review.layout import (
@@ -38,7 +38,6 @@ from slam.pose import Pose2
 
 TRACE_EVERY = 10  # ticks between the scans that stay and add up to a map
 BATCH_TICKS = 10  # ticks per write: 1 s, which a power cut loses
-SIGMAS = 2.0  # half axes of covariance ellipses, in standard deviations
 LASER_PATHS = {
     BeamVerdict.KEPT: "map/laser/kept",
     BeamVerdict.MOVED: "map/laser/rejected",
@@ -196,7 +195,7 @@ class ReviewWriter:
         self._columns.pose("map/rover", pose)
         center_m = np.array(((pose.x_m, pose.y_m),))
         covariance_m2 = estimate.covariance[None, :2, :2]
-        self._columns.ellipses("map/pose_covariance", center_m, covariance_m2, SIGMAS, None)
+        self._columns.ellipses("map/pose_covariance", center_m, covariance_m2, None)
         self._paths["SLAM"].append((pose.x_m, pose.y_m))
         self._paths["odometry"].append((estimate.odom_from_body.x_m, estimate.odom_from_body.y_m))
         if truth is not None:
@@ -242,7 +241,6 @@ class ReviewWriter:
             "map/landmarks/covariances",
             landmarks.means_m,
             landmarks.covariances_m2,
-            SIGMAS,
             see_through,
         )
         self._extent = self._extent.with_points(landmarks.means_m)

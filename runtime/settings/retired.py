@@ -215,10 +215,12 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
     "runtime/live/drawing_process.py": {
         "review.queue": (4000, "QUEUE"),
     },
+    "runtime/review/columns.py": {
+        "review.sigmas": (2.0, "SIGMAS"),
+    },
     "runtime/review/writer.py": {
         "review.trace_every": (10, "TRACE_EVERY"),
         "review.batch_ticks": (10, "BATCH_TICKS"),
-        "review.sigmas": (2.0, "SIGMAS"),
     },
 }
 """By file: the key, the constant that it became, and that constant's name there."""
