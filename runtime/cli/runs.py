@@ -89,14 +89,14 @@ def review(
     as_json: AsJson = False,
 ) -> None:
     """Write report.html and report.json with findings, and make review.rrd again."""
-    from runtime.record.folder import RunFolder
+    from runtime.record.reader import RunReader
+    from runtime.record.trajectories import with_estimates
     from runtime.report.build import build_report, is_as_grave, report_lines
     from runtime.review.rebuild import build_review
-    from runtime.review.viewer import with_estimates
 
     with busy("judge"):
         report = build_report(run)
-    folder = with_estimates(RunFolder.open(run))
+    folder = with_estimates(RunReader(run)).folder
     build_review(folder.path, folder.review_path, progress=progress_bar("draw"))
     report["review"] = str(folder.review_path)
     typer.echo(json.dumps(report) if as_json else "\n".join([*report_lines(report), f"review    {folder.review_path}"]))

@@ -6,13 +6,11 @@ from typing import Any
 import numpy as np
 
 from drivers.measurements import FloatArray
-from runtime.errors import UsageError
 from runtime.evaluate.errors import LEAST_FIT_POINTS, PositionError, position_error, rigid_fit
 from runtime.evaluate.rows import composed, nearest_rows, poses_at, read_tum, relative_poses, tum_text
 from runtime.evaluate.truth import DataSetTruth
-from runtime.record.folder import RunFolder
 from runtime.record.reader import RunReader
-from runtime.record.trajectories import Trajectories, read_trajectories
+from runtime.record.trajectories import Trajectories, read_trajectories, with_estimates
 from runtime.settings.configuration import load_configuration_text
 
 PAIRING_S = 0.05  # data README: relation times are paired within this
@@ -26,14 +24,9 @@ def evaluate(run: Path, truth: Path | None = None) -> dict[str, Any]:
     which there is no truth is None. Also writes RUN/trajectory.tum. Raises NotARunError, UsageError,
     ConfigurationError, StorageError.
     """
-    folder = RunFolder.open(run)
     reader = RunReader(run)
-    estimates = reader
-    if reader.header.is_import:
-        newest = folder.newest_replay()
-        if newest is None:
-            raise UsageError(f"{run} was imported and has no estimates yet; make them with: infant replay {run}")
-        estimates = RunReader(newest.path)
+    folder = reader.folder
+    estimates = with_estimates(reader)
     trajectories = read_trajectories(estimates)
     folder.write(folder.trajectory_path, tum_text(trajectories.estimated))
     configuration = load_configuration_text(estimates.header.configuration_text)

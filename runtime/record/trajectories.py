@@ -28,6 +28,16 @@ class Trajectories:
     simulated: FloatArray | None
 
 
+def with_estimates(run: RunReader) -> RunReader:
+    """The run itself, or its newest replay where it was imported. Raises NotARunError, UsageError (no replay yet)."""
+    if not run.header.is_import:
+        return run
+    path, newest = run.folder.path, run.folder.newest_replay()
+    if newest is None:
+        raise UsageError(f"{path} was imported and has no estimates yet; make them with: infant replay {path}")
+    return RunReader(newest.path)
+
+
 def read_trajectories(reader: RunReader) -> Trajectories:
     """Only poses are kept. Raises UsageError when the run holds no estimate."""
     columns: tuple[list[Row], ...] = ([], [], [])

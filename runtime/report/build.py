@@ -1,18 +1,30 @@
 """From a run to its report: RUN/report.html and RUN/report.json."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from drivers.measurements import Severity
 from runtime.record.folder import RunFolder
+from runtime.report.facts import RunFacts
 from runtime.report.figures import figures
-from runtime.report.finding import RANKS
+from runtime.report.finding import RANKS, Finding
 from runtime.report.gather import gather
 from runtime.report.judge import judge
 from runtime.report.page import page
+from runtime.report.wheel_calibration import calibrated
 
 HTML_NAME, JSON_NAME = "report.html", "report.json"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExaminedRun:
+    """What a run holds, what is to be said about it, the most severe first, and its figures as report.json has them."""
+
+    facts: RunFacts
+    findings: list[Finding]
+    figures: dict[str, Any]
 
 
 def build_report(run: Path) -> dict[str, Any]:
@@ -21,13 +33,18 @@ def build_report(run: Path) -> dict[str, Any]:
     Raises NotARunError, ConfigurationError, UsageError (an import without a replay), StorageError.
     """
     folder = RunFolder.open(run)
-    facts = gather(run)
-    findings = judge(facts)
-    report = figures(facts, findings)
+    examined = examine(run)
     html, data = folder.path / HTML_NAME, folder.path / JSON_NAME
-    folder.write(html, page(facts, findings, report))
-    folder.write(data, json.dumps(report, indent=1, default=float) + "\n")
-    return {**report, "files": {"html": str(html), "json": str(data)}}
+    folder.write(html, page(examined.facts, examined.findings, examined.figures))
+    folder.write(data, json.dumps(examined.figures, indent=1, default=float) + "\n")
+    return {**examined.figures, "files": {"html": str(html), "json": str(data)}}
+
+
+def examine(run: Path) -> ExaminedRun:
+    """Gather, calibrate, judge. Raises as build_report does."""
+    facts = calibrated(gather(run))
+    findings = judge(facts)
+    return ExaminedRun(facts, findings, figures(facts, findings))
 
 
 def is_as_grave(report: dict[str, Any], severity: str) -> bool:

@@ -2,19 +2,19 @@
 
 import json
 from collections.abc import Iterator
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from runtime.atomic_write import atomic_write
 from runtime.errors import StorageError
 from runtime.record.folder import RunFolder
+from runtime.report.build import examine
 from runtime.report.facts import RunFacts
-from runtime.report.figures import figures
-from runtime.report.gather import gather
-from runtime.report.judge import judge
-from runtime.report.page import document, plot, section, table, text
+from runtime.report.page import rendered
 from runtime.report.plots import Line, map_plot, time_plot
 
 ABSENT = "-"
@@ -47,19 +47,18 @@ FIGURES = (
 
 def build_comparison(first: Path, second: Path, out: Path | None = None) -> dict[str, Any]:
     """Write the page (and its JSON beside it) and give the JSON. Raises as build_report does."""
-    facts = gather(first), gather(second)
-    found = judge(facts[0]), judge(facts[1])
-    reports = figures(facts[0], found[0]), figures(facts[1], found[1])
+    examined = examine(first), examine(second)
+    facts = examined[0].facts, examined[1].facts
     page = out if out is not None else RunFolder.open(second).path / "compare.html"
     result = {
         "runs": [str(first), str(second)],
-        "verdicts": [report["verdict"] for report in reports],
+        "verdicts": [one.figures["verdict"] for one in examined],
         "figures": [
-            {"name": name, "unit": unit, "values": [_at(report, place) for report in reports]}
+            {"name": name, "unit": unit, "values": [_at(one.figures, place) for one in examined]}
             for name, unit, place in FIGURES
         ],
-        "findings": [[finding.title for finding in findings] for findings in found],
-        "configuration": changed_keys(facts[0], facts[1]),
+        "findings": [[finding.title for finding in one.findings] for one in examined],
+        "configuration": changed_keys(*facts),
         "files": {"html": str(page), "json": str(page.with_suffix(".json"))},
     }
     _write(page, _page(facts, result))
@@ -129,22 +128,19 @@ def _page(facts: tuple[RunFacts, RunFacts], result: dict[str, Any]) -> str:
         for name, item, style in zip(names, facts, "ab", strict=True)
         if "step" in item.ticks.stages_ms
     ]
-    drawings = plot("Published poses, from above", map_plot(paths, "two trajectories"))
+    drawings = {"Published poses, from above": Markup(map_plot(paths, "two trajectories"))}
     if any(np.isfinite(line.y).any() for line in errors):
-        drawings += plot("Distance from the truth", time_plot(errors, "error, m"))
-    drawings += plot("Step of the filter", time_plot(steps, "duration, ms"))
-    differing = [(row["key"], *row["values"]) for row in result["configuration"]]
-    most = max(map(len, result["findings"]), default=0)
-    found = [tuple(titles[i] if i < len(titles) else "" for titles in result["findings"]) for i in range(most)]
-    body = (
-        f"<h1>{text(names[0])} and {text(names[1])}</h1>"
-        + section("Verdict", table(names, [result["verdicts"]]))
-        + section("Figures", table(("", "unit", *names), rows))
-        + section("Paths", f'<div class="pair">{drawings}</div>')
-        + section("Findings", table(names, found) if found else "<p>None in either.</p>")
-        + section("Configuration", table(("key", *names), differing) if differing else "<p>The same.</p>")
+        drawings["Distance from the truth"] = Markup(time_plot(errors, "error, m"))
+    drawings["Step of the filter"] = Markup(time_plot(steps, "duration, ms"))
+    return rendered(
+        "compare.html",
+        names=names,
+        verdicts=result["verdicts"],
+        rows=rows,
+        drawings=drawings,
+        findings=list(zip_longest(*result["findings"], fillvalue="")),
+        configuration=[(row["key"], *row["values"]) for row in result["configuration"]],
     )
-    return document(f"{names[0]} and {names[1]}", body)
 
 
 def _write(path: Path, content: str) -> None:

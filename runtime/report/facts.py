@@ -86,12 +86,23 @@ class GeometryRow:
     detectable: float
 
 
+@dataclass(frozen=True, slots=True)
+class StuckEncoder:
+    """side: "left" or "right"; intervals, s since the first tick, in which it counted nothing while the other wheel
+    rolled other_rolled_m, and the laser saw no turn about it.
+    """
+
+    side: str
+    other_rolled_m: float
+    intervals: tuple[tuple[float, float], ...]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class RunFacts:
     """All that findings and the page may look at. origin_ns: stamp of the first tick.
 
     imported: recorded by software of others, whose rates and gaps are the recording's own.
-    calibration: of `drive`, None where it has nothing to calibrate by.
+    stuck_encoders, calibration: what `calibrated` adds; None where `drive` has nothing to calibrate by.
     """
 
     name: str
@@ -110,7 +121,8 @@ class RunFacts:
     landmarks: LandmarkMap | None
     drive: DriveData | None
     accuracy: dict[str, Any]
-    imported: bool = False
+    imported: bool
+    stuck_encoders: tuple[StuckEncoder, ...] = ()
     calibration: Calibration | None = None
 
     @property

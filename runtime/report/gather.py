@@ -3,7 +3,6 @@
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +12,10 @@ from runtime.calibrate.drive_data import DriveData
 from runtime.errors import UsageError
 from runtime.evaluate.evaluate import against_data_set, against_simulation, nothing_known
 from runtime.evaluate.truth import DataSetTruth
-from runtime.record.folder import RunFolder
 from runtime.record.reader import RecordedTick, RunReader
-from runtime.record.trajectories import Trajectories
+from runtime.record.trajectories import Trajectories, with_estimates
 from runtime.report.device_clock import DeviceClockReader
 from runtime.report.facts import QUALITIES, RunFacts, ScanColumns, TickColumns, WheelColumns
-from runtime.report.findings.geometry import calibrated
 from runtime.settings.configuration import Configuration, load_configuration_text
 from slam.estimate import Estimate, LandmarkMap
 from slam.observations import BeamVerdict
@@ -34,13 +31,8 @@ def gather(run: Path) -> RunFacts:
 
     Raises NotARunError, ConfigurationError; UsageError where there are no estimates yet.
     """
-    reader, inputs = RunReader(run), RunReader(run)
-    imported = reader.header.is_import
-    if imported:
-        newest = reader.folder.newest_replay()
-        if newest is None:
-            raise UsageError(f"{run} was imported and has no estimates yet; make them with: infant replay {run}")
-        reader = RunReader(newest.path)
+    inputs = RunReader(run)
+    reader = with_estimates(inputs)
     configuration = load_configuration_text(reader.header.configuration_text, source=f"configuration of {run}")
     pass_ = Gathering()
     for recorded in reader.ticks():
@@ -54,8 +46,7 @@ def gather(run: Path) -> RunFacts:
     for record in reader.records():
         if record.topic == "/raw/laser":
             clock.feed(record)
-    facts = pass_.facts(RunFolder.open(run).path.name, reader, inputs, configuration, clock)
-    return replace(facts, imported=imported, calibration=calibrated(facts))
+    return pass_.facts(reader, inputs, configuration, clock)
 
 
 class Gathering:
@@ -116,9 +107,10 @@ class Gathering:
         self._stages.append({} if timing is None else timing.stages_ns)
 
     def facts(
-        self, name: str, reader: RunReader, inputs: RunReader, configuration: Configuration, clock: DeviceClockReader
+        self, reader: RunReader, inputs: RunReader, configuration: Configuration, clock: DeviceClockReader
     ) -> RunFacts:
-        """Everything as columns."""
+        """Everything as columns. reader: of the estimates; inputs: of the run, the same unless it was imported."""
+        name = inputs.folder.path.name
         rows = np.array(self.rows)
         ticks = TickColumns(
             rows[:, 0],
@@ -154,6 +146,7 @@ class Gathering:
             landmarks=self._landmarks,
             drive=self._drive(name),
             accuracy=_accuracy(ticks, self._origin_ns, inputs, configuration),
+            imported=inputs.header.is_import,
         )
 
     def _take_scan(self, beat_ns: int, scan: object, estimate: Estimate | None) -> None:

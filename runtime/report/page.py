@@ -1,73 +1,81 @@
-"""report.html: one self-contained page of a run; nothing in it asks the network for anything."""
+"""report.html: one self-contained page of a run; nothing in it asks the network for anything.
 
-import html
+The words and their order stand in templates/report.html; here are the numbers and drawings that it shows.
+"""
+
 import re
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
 
 from runtime.report.facts import RunFacts
 from runtime.report.finding import Finding, Interval, span_text
 from runtime.report.plots import Line, map_plot, time_plot, timeline
-from runtime.report.style import STYLE
 
 KEY = re.compile(
     r"(\[[a-z_]+(\.[a-z_]+)*\]|[a-z_]+(\.[a-z_0-9]+)+|\b[a-z]+(_[a-z0-9]+)+)"  # a table, a full name, or its last part
     r"( = [-+\d.]*\d| = (true|false))?"  # and the value it is to have
 )
-NOTHING = "<p>Nothing was found.</p>"
+ACCURACY = (
+    ("rms_m", "RMS error", "m"),
+    ("trimmed_rms_m", "RMS error, best 95 %", "m"),
+    ("max_m", "largest error", "m"),
+    ("odometry_rms_m", "RMS error of odometry alone", "m"),
+    ("relation_translation_m", "relations, translation", "m"),
+    ("relation_rotation_deg", "relations, rotation", "deg"),
+)
+Drawings = dict[str, Markup]
 
 
 def page(facts: RunFacts, findings: Sequence[Finding], figures: dict[str, Any]) -> str:
     """The whole page."""
-    body = "".join(
-        (
-            f"<h1>{text(facts.name)}</h1>",
-            f'<p class="quiet">{text(_origin(facts))}</p>',
-            verdict_line(figures),
-            f'<div class="tiles">{"".join(tile(*item) for item in tiles(figures))}</div>',
-            section("Findings", _when(facts, findings) + "".join(map(finding_card, findings)) or NOTHING),
-            section("Trajectory and map", _where(facts, figures)),
-            section("Timing", _timing(facts, findings)),
-            section("Sensors", _sensors(facts, figures, findings)),
-            section("Filter", _filter(facts, figures, findings)),
-            section("Clock", _clock(facts)),
-            section("Geometry", _geometry(figures)),
-            section("Events", _events(figures)),
-            section("Configuration", _configuration(facts)),
-        )
-    )
-    return document(f"Review of {facts.name}", body)
-
-
-def document(title: str, body: str) -> str:
-    """An HTML page of its own."""
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{text(title)}</title>'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<style>{STYLE}</style></head><body>{body}</body></html>\n"
+    accuracy, quality = figures["accuracy"], figures["filter"]["quality_share"]
+    events = figures["events"]["first"]
+    return rendered(
+        "report.html",
+        facts=facts,
+        findings=findings,
+        figures=figures,
+        origin=_origin(facts),
+        tiles=tiles(figures),
+        timeline=_timeline(facts, findings),
+        drawings={
+            "where": _where(facts),
+            "timing": _timing(facts, findings),
+            "sensors": _sensors(facts, findings),
+            "filter": _filter(facts, findings),
+            "clock": _clock(facts),
+        },
+        accuracy=[
+            (label, f"{accuracy[key]:.3f} {unit}") for key, label, unit in ACCURACY if accuracy.get(key) is not None
+        ],
+        sensors=[_sensor_row(name, sensor) for name, sensor in figures["sensors"].items()],
+        quality=", ".join(f"{word} {share:.1%}" for word, share in quality.items() if share),
+        geometry=[_geometry_row(row) for row in figures["geometry"]],
+        events=[(f"{e['time_s']:.2f}", e["severity"], f"{e['source']}.{e['kind']}", e["reason"]) for e in events],
     )
 
 
-def text(value: object) -> str:
-    """Escaped for HTML."""
-    return html.escape(str(value))
+def rendered(template: str, **values: Any) -> str:
+    """A page from a file in templates/; values are escaped unless they are Markup."""
+    environment = Environment(
+        loader=PackageLoader("runtime.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["keys_marked"] = keys_marked
+    return environment.get_template(template).render(values)
 
 
-def section(title: str, body: str) -> str:
-    """A heading and what stands under it."""
-    return f"<section><h2>{text(title)}</h2>{body}</section>"
-
-
-def verdict_line(figures: dict[str, Any]) -> str:
-    """The verdict in its colour."""
-    return f'<p class="verdict {figures["severity"]}">This run is <b>{text(figures["verdict"])}</b>.</p>'
-
-
-def tile(value: str, caption: str) -> str:
-    """One figure with what it is."""
-    return f'<div class="tile"><b>{text(value)}</b><span>{text(caption)}</span></div>'
+def keys_marked(sentence: str) -> Markup:
+    """A remedy with its configuration keys, and the values that they are to have, as code."""
+    return Markup(KEY.sub(lambda found: f"<code>{found.group(0)}</code>", str(escape(sentence))))
 
 
 def tiles(figures: dict[str, Any]) -> list[tuple[str, str]]:
@@ -80,7 +88,7 @@ def tiles(figures: dict[str, Any]) -> list[tuple[str, str]]:
         (f"{accuracy['rms_m']:.3f} m" if accuracy["rms_m"] is not None else "", "RMS error of the pose"),
         (
             f"{accuracy['odometry_rms_m']:.3f} m" if accuracy["odometry_rms_m"] is not None else "",
-            "RMS error of the wheels alone",
+            "RMS error of odometry alone",
         ),
         (f"{timing['rate_hz']:.2f} Hz" if timing["rate_hz"] else "", "rate of the loop"),
         (f"{timing['missed']} of {timing['ticks'] + timing['missed']}" if late else "", "beats missed"),
@@ -89,34 +97,6 @@ def tiles(figures: dict[str, Any]) -> list[tuple[str, str]]:
         (f"{figures['landmarks']['confirmed']}", "landmarks in the map"),
     ]
     return [item for item in shown if item[0]]
-
-
-def finding_card(finding: Finding) -> str:
-    """One finding with evidence, cause and remedy."""
-    evidence = "<br>".join(text(line) for line in finding.evidence)
-    return (
-        f'<article class="finding {finding.severity.value}" data-kind="{text(finding.kind)}">'
-        f'<span class="mark">{finding.severity.value}</span><h3>{text(finding.title)}</h3><dl>'
-        f"<dt>Evidence</dt><dd>{evidence}</dd><dt>Likely</dt><dd>{text(finding.cause)}</dd>"
-        f"<dt>Change</dt><dd>{keys_marked(finding.remedy)}</dd></dl></article>"
-    )
-
-
-def keys_marked(sentence: str) -> str:
-    """A remedy with its configuration keys, and the values that they are to have, as code."""
-    return KEY.sub(lambda found: f"<code>{found.group(0)}</code>", text(sentence))
-
-
-def plot(title: str, drawing: str) -> str:
-    """A drawing under its name."""
-    return f"<div><h3>{text(title)}</h3>{drawing}</div>"
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Scrolls by itself where the page is too narrow for it."""
-    cells = "".join("<tr>" + "".join(f"<td>{text(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    names = "".join(f"<th>{text(name)}</th>" for name in head)
-    return f'<div class="scroll"><table><tr>{names}</tr>{cells}</table></div>'
 
 
 def _origin(facts: RunFacts) -> str:
@@ -133,18 +113,18 @@ def _marked(findings: Sequence[Finding], *beginnings: str) -> list[Interval]:
     ]
 
 
-def _when(facts: RunFacts, findings: Sequence[Finding]) -> str:
+def _timeline(facts: RunFacts, findings: Sequence[Finding]) -> Markup:
     """A bar for every finding that has times, in one picture: what came together belongs together."""
     rows = [
         (finding.kind.replace("_", " "), finding.severity.value, finding.intervals)
         for finding in findings
         if finding.intervals
     ]
-    return f'<div class="when">{timeline(rows, facts.duration_s)}</div>' if rows else ""
+    return Markup(timeline(rows, facts.duration_s) if rows else "")
 
 
-def _where(facts: RunFacts, figures: dict[str, Any]) -> str:
-    ticks, accuracy = facts.ticks, figures["accuracy"]
+def _where(facts: RunFacts) -> Drawings:
+    ticks = facts.ticks
     lines = [
         Line("odometry alone", ticks.odometry[:, 0], ticks.odometry[:, 1], "path-b"),
         Line("published pose", ticks.estimated[:, 0], ticks.estimated[:, 1], "path-a"),
@@ -155,7 +135,7 @@ def _where(facts: RunFacts, figures: dict[str, Any]) -> str:
     if facts.landmarks is not None:
         places_m = facts.landmarks.means_m
         lines.insert(0, Line("landmarks", places_m[:, 0], places_m[:, 1], "q", dots=True))
-    drawings = plot("Seen from above", map_plot(lines, "trajectory and landmarks"))
+    drawings = {"Seen from above": Markup(map_plot(lines, "trajectory and landmarks"))}
     if known.any():
         errors = [
             Line(name, ticks.times_s, np.hypot(*(poses[:, :2] - ticks.truth[:, :2]).T), style)
@@ -164,65 +144,47 @@ def _where(facts: RunFacts, figures: dict[str, Any]) -> str:
                 ("odometry alone", ticks.odometry, "b"),
             )
         ]
-        drawings += plot("Distance from the truth", time_plot(errors, "error, m"))
-    rows = [
-        (label, f"{accuracy[key]:.3f} {unit}")
-        for key, label, unit in (
-            ("rms_m", "RMS error", "m"),
-            ("trimmed_rms_m", "RMS error, best 95 %", "m"),
-            ("max_m", "largest error", "m"),
-            ("odometry_rms_m", "RMS error of odometry alone", "m"),
-            ("relation_translation_m", "relations, translation", "m"),
-            ("relation_rotation_deg", "relations, rotation", "deg"),
-        )
-        if accuracy.get(key) is not None
-    ]
-    born = figures["landmarks"]
-    note = (
-        f'<p class="quiet">Truth: {text(accuracy["truth"])}. Landmarks: {born["born"]} born, {born["removed"]} removed '
-        f"again, {born['confirmed']} in the published map.</p>"
-    )
-    return f'<div class="pair">{drawings}</div>' + (table(("against the truth", ""), rows) if rows else "") + note
+        drawings["Distance from the truth"] = Markup(time_plot(errors, "error, m"))
+    return drawings
 
 
-def _timing(facts: RunFacts, findings: Sequence[Finding]) -> str:
+def _timing(facts: RunFacts, findings: Sequence[Finding]) -> Drawings:
     ticks, marked = facts.ticks, _marked(findings, "missed")
-    late = time_plot([Line("lateness", ticks.times_s, ticks.lateness_ms, "a")], "lateness, ms", marked)
-    styles = ("a", "b", "c")
+    late = [Line("lateness", ticks.times_s, ticks.lateness_ms, "a")]
     stages = [
-        Line(name, ticks.times_s, values, styles[index % 3])
+        Line(name, ticks.times_s, values, "abc"[index % 3])
         for index, (name, values) in enumerate(sorted(ticks.stages_ms.items(), reverse=True))
     ]
-    drawings = plot("Wake-up after the grid point", late) + plot("Stages of a tick", time_plot(stages, "duration, ms"))
-    return f'<div class="pair">{drawings}</div>'
+    return {
+        "Wake-up after the grid point": Markup(time_plot(late, "lateness, ms", marked)),
+        "Stages of a tick": Markup(time_plot(stages, "duration, ms")),
+    }
 
 
-def _sensors(facts: RunFacts, figures: dict[str, Any], findings: Sequence[Finding]) -> str:
-    age = Line("age of the scan at its beat", facts.scans.times_s, facts.scans.age_s * 1e3, "a")
-    moved = [
-        Line("came back", facts.scans.times_s, facts.scans.returned_share * 100.0, "a"),
-        Line("refused: not seen before at that place", facts.scans.times_s, facts.scans.moved_share * 100.0, "b"),
+def _sensors(facts: RunFacts, findings: Sequence[Finding]) -> Drawings:
+    times_s, of_laser = facts.scans.times_s, _marked(findings, "laser", "scan")
+    age = Line("age of the scan at its beat", times_s, facts.scans.age_s * 1e3, "a")
+    beams = [
+        Line("returned", times_s, facts.scans.returned_share * 100.0, "a"),
+        Line("rejected: not seen before at that place", times_s, facts.scans.moved_share * 100.0, "b"),
     ]
     good_s = facts.wheels.times_s[facts.wheels.valid]
-    apart = Line("time between good samples", good_s[1:], np.diff(good_s) * 1e3, "a")
-    drawings = (
-        plot("Laser: age of scans", time_plot([age], "age, ms", _marked(findings, "laser", "scan")))
-        + plot("Laser: beams", time_plot(moved, "share, %", _marked(findings, "laser", "scan")))
-        + plot("Wheels: spacing of samples", time_plot([apart], "spacing, ms", _marked(findings, "wheel", "odometry")))
-    )
-    rows = [
-        (
-            name,
-            sensor["samples"],
-            f"{sensor['usual_rate_hz']} Hz" if sensor["usual_rate_hz"] else "",
-            ", ".join(span_text((start, end)) for start, end in sensor["gaps_s"][:6]) or "none",
-        )
-        for name, sensor in figures["sensors"].items()
-    ]
-    return table(("sensor", "samples", "usual rate", "silent"), rows) + f'<div class="pair">{drawings}</div>'
+    spacing = Line("time between good samples", good_s[1:], np.diff(good_s) * 1e3, "a")
+    of_wheels = _marked(findings, "wheel", "odometry")
+    return {
+        "Laser: age of scans": Markup(time_plot([age], "age, ms", of_laser)),
+        "Laser: beams": Markup(time_plot(beams, "share, %", of_laser)),
+        "Wheels: spacing of samples": Markup(time_plot([spacing], "spacing, ms", of_wheels)),
+    }
 
 
-def _filter(facts: RunFacts, figures: dict[str, Any], findings: Sequence[Finding]) -> str:
+def _sensor_row(name: str, sensor: dict[str, Any]) -> tuple[object, ...]:
+    rate = f"{sensor['usual_rate_hz']} Hz" if sensor["usual_rate_hz"] else ""
+    silent = ", ".join(span_text((start, end)) for start, end in sensor["gaps_s"][:6]) or "never"
+    return name, sensor["samples"], rate, silent
+
+
+def _filter(facts: RunFacts, findings: Sequence[Finding]) -> Drawings:
     ticks, marked = facts.ticks, _marked(findings, "pose")
     nothing = np.full(ticks.times_s.size, np.nan)
 
@@ -237,60 +199,33 @@ def _filter(facts: RunFacts, figures: dict[str, Any], findings: Sequence[Finding
     sure = ticks.position_sd_m < 100.0
     deviation = [
         Line("standard deviation", ticks.times_s[sure], ticks.position_sd_m[sure], "a"),
-        Line("both estimators apart", ticks.times_s, ticks.apart_m, "b"),
+        Line("distance between both estimators", ticks.times_s, ticks.apart_m, "b"),
     ]
-    drawings = (
-        plot("Position", time_plot([line for line in deviation if line.x.size], "distance, m", marked))
-        + plot("Effective particles", time_plot(counted("effective_particles"), "particles"))
-        + plot("Features and matches in a scan", time_plot(counted("features", "matched"), "number"))
-        + plot("Landmarks of the best particle", time_plot(counted("landmarks"), "number"))
-    )
-    shares = ", ".join(f"{word} {share:.1%}" for word, share in figures["filter"]["quality_share"].items() if share)
-    return f'<p class="quiet">Quality of the pose: {text(shares)}.</p><div class="pair">{drawings}</div>'
+    return {
+        "Position": Markup(time_plot([line for line in deviation if line.x.size], "distance, m", marked)),
+        "Effective particles": Markup(time_plot(counted("effective_particles"), "particles")),
+        "Features and matches in a scan": Markup(time_plot(counted("features", "matched"), "number")),
+        "Landmarks of the best particle": Markup(time_plot(counted("landmarks"), "number")),
+    }
 
 
-def _clock(facts: RunFacts) -> str:
+def _clock(facts: RunFacts) -> Drawings:
+    """Empty where the bytes of the laser were not recorded."""
     clock = facts.device_clock
-    if not (clock.arrival_s >= 0.0).any():
-        return '<p class="quiet">The bytes of the laser were not recorded, so its own clock is not known.</p>'
-    delay_ms = (clock.arrival_s - clock.device_s) * 1e3
     driven = clock.arrival_s >= 0.0
-    line = Line("arrival", clock.arrival_s[driven], delay_ms[driven] - delay_ms[driven].min(), "a")
-    drawing = time_plot([line], "arrival later than the fastest, ms")
-    return f'<div class="pair">{plot("Laser: arrival against its own counter", drawing)}</div>'
+    if not driven.any():
+        return {}
+    delay_ms = ((clock.arrival_s - clock.device_s) * 1e3)[driven]
+    line = Line("arrival", clock.arrival_s[driven], delay_ms - delay_ms.min(), "a")
+    drawing = Markup(time_plot([line], "arrival later than the fastest, ms"))
+    return {"Laser: arrival against its own counter": drawing}
 
 
-def _geometry(figures: dict[str, Any]) -> str:
-    rows = [
-        (
-            f"{row['label']}, {row['unit']}",
-            f"{row['configured']:.1f}",
-            "cannot tell" if row["interval"] is None else f"{row['interval'][0]:.1f} to {row['interval'][1]:.1f}",
-            f"{row['detectable']:.1f}",
-        )
-        for row in figures["geometry"]
-    ]
-    if not rows:
-        return '<p class="quiet">Nothing to compare: wheels and laser were not seen in motion together.</p>'
-    note = (
-        '<p class="quiet">The interval holds with everything else open as well. A single deviation of the last column '
-        "would have become a finding in one of two such runs; a longer drive tells smaller ones.</p>"
-    )
-    return table(("", "configured", "this run says (95 %)", "tells from"), rows) + note
-
-
-def _events(figures: dict[str, Any]) -> str:
-    events = figures["events"]
-    if not events["total"]:
-        return '<p class="quiet">None.</p>'
-    rows = [(f"{e['time_s']:.2f}", e["severity"], f"{e['source']}.{e['kind']}", e["reason"]) for e in events["first"]]
-    more = events["total"] - len(rows)
-    note = f'<p class="quiet">And {more} more in run.mcap.</p>' if more else ""
-    return f'<div class="events">{table(("s", "", "kind", "reason"), rows)}</div>' + note
-
-
-def _configuration(facts: RunFacts) -> str:
+def _geometry_row(row: dict[str, Any]) -> tuple[str, ...]:
+    interval = row["interval"]
     return (
-        f'<p class="quiet">sha256 {facts.configuration.sha256}</p><details><summary>As it was in force</summary>'
-        f"<pre><code>{text(facts.configuration.text)}</code></pre></details>"
+        f"{row['label']}, {row['unit']}",
+        f"{row['configured']:.1f}",
+        "cannot tell" if interval is None else f"{interval[0]:.1f} to {interval[1]:.1f}",
+        f"{row['detectable']:.1f}",
     )

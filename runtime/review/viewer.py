@@ -11,9 +11,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
-from runtime.errors import ConfigurationError, StorageError, UsageError
+from runtime.errors import ConfigurationError, StorageError
 from runtime.record.folder import RunFolder
 from runtime.record.reader import RunReader
+from runtime.record.trajectories import with_estimates
 from runtime.review.moments import ELAPSED
 
 LOOPBACK = "127.0.0.1"
@@ -29,23 +30,12 @@ def review_paths(folder: RunFolder, progress: Callable[[float], None] | None = N
 
     progress is told the share that is drawn. Raises NotARunError, StorageError, UsageError (an import, no replay).
     """
-    folder = with_estimates(folder)
+    folder = with_estimates(RunReader(folder.path)).folder
     if not folder.review_path.is_file():
         from runtime.review.rebuild import build_review
 
         build_review(folder.path, folder.review_path, progress=progress)
     return folder.review_paths()
-
-
-def with_estimates(folder: RunFolder) -> RunFolder:
-    """The run itself, or its newest replay if it was imported. Raises NotARunError, UsageError (no replay yet)."""
-    if not RunReader(folder.path).header.is_import:
-        return folder
-    newest = folder.newest_replay()
-    if newest is None:
-        path = folder.path
-        raise UsageError(f"{path} was imported and has no estimates yet; make them with: infant replay {path}")
-    return newest
 
 
 def open_review(folder: RunFolder, web: bool = False, progress: Callable[[float], None] | None = None) -> int:

@@ -2,18 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from drivers.measurements import Severity, WheelCounts
-from runtime.calibrate.calibration import calibrate
-from runtime.calibrate.drive_data import DriveData
-from runtime.calibrate.recorded_drives import start_from
+from drivers.measurements import Severity
 from runtime.calibrate.result import Calibration
 from runtime.calibrate.single_causes import Cause, Fit, single_causes
-from runtime.errors import DataSetError
 from runtime.report.facts import GeometryRow, RunFacts
-from runtime.report.finding import Finding, Interval
-from runtime.report.findings.stuck import stuck_encoders
+from runtime.report.finding import Finding
 
 LEAST_RADIUS = 0.004  # share; less is a degree in ten metres of way and within a tyre's pressure
 LEAST_TREAD = 0.02  # share; the same in a full turn is 7 deg
@@ -58,31 +53,6 @@ PLACES = {
     ),
     "laser_latency_s": Place("stamps of the laser late by", LEAST_LATENCY_S, False, 1e3, "ms", "laser.stamp_offset_s"),
 }
-
-
-def calibrated(facts: RunFacts) -> Calibration | None:
-    """What this run alone says of wheels and mount; None where it has no scans or no wheels for it.
-
-    While an encoder is stuck its counts say nothing of the wheel, and are left out.
-    """
-    if facts.drive is None:
-        return None
-    stuck = [interval for finding in stuck_encoders(facts) for interval in finding.intervals]
-    try:
-        return calibrate([without(facts.drive, stuck, facts.origin_ns)], start_from(facts.configuration))
-    except DataSetError:
-        return None  # this kind of odometry has no wheels to compare
-
-
-def without(drive: DriveData, intervals: Sequence[Interval], origin_ns: int) -> DriveData:
-    """The same with all wheel counts in the intervals (s since origin_ns) called invalid."""
-    if not intervals:
-        return drive
-    bounds_ns = [(origin_ns + start * 1e9, origin_ns + end * 1e9) for start, end in intervals]
-    counts = [sample for sample in drive.wheels if isinstance(sample, WheelCounts)]
-    inside = [any(low <= sample.stamp_ns <= high for low, high in bounds_ns) for sample in counts]
-    wheels = [replace(sample, valid=sample.valid and not bad) for sample, bad in zip(counts, inside, strict=True)]
-    return replace(drive, wheels=tuple(wheels))
 
 
 def geometry_rows(facts: RunFacts) -> tuple[GeometryRow, ...]:

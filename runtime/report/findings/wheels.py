@@ -8,7 +8,7 @@ from drivers.measurements import Event, Severity
 from runtime.report.facts import RunFacts
 from runtime.report.finding import Finding, intervals_where, silences, spans_text
 from runtime.report.findings.silence import beaten
-from runtime.report.findings.stuck import stuck_encoders
+from runtime.report.wheel_calibration import WINDOW_S
 
 SILENT_S = 0.5  # as slam.odometry.gap_s: from then on the motion is unknown
 SILENT_PERIODS = 5.0
@@ -33,7 +33,7 @@ BUS = ("bus_off", "bitrate", "error_passive", "error_warning", "restarted")
 
 def wheel_findings(facts: RunFacts) -> list[Finding]:
     """All of them, for runs with wheels."""
-    return [*_silent(facts), *stuck_encoders(facts), *_damage(facts), *_misconfigured(facts), *_single_events(facts)]
+    return [*_silent(facts), *_stuck(facts), *_damage(facts), *_misconfigured(facts), *_single_events(facts)]
 
 
 def _silent(facts: RunFacts) -> list[Finding]:
@@ -78,6 +78,24 @@ def _silent(facts: RunFacts) -> list[Finding]:
             "check power and cable of the node" + ("" if one else "s and the bus; [encoders.bus]"),
             intervals,
         )
+    ]
+
+
+def _stuck(facts: RunFacts) -> list[Finding]:
+    return [
+        Finding(
+            "wheel_stuck",
+            Severity.WARN,
+            f"{encoder.side} encoder stuck {spans_text(encoder.intervals)}",
+            (
+                f"no count while the other wheel rolled {encoder.other_rolled_m:.2f} m in {WINDOW_S:.1f} s",
+                "the laser does not see a turn about this wheel",
+            ),
+            "the encoder's disc, coupling or channel has failed",
+            f"check the {encoder.side} encoder's coupling and channels; the pose is wrong from then on",
+            encoder.intervals,
+        )
+        for encoder in facts.stuck_encoders
     ]
 
 

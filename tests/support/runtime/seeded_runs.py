@@ -17,6 +17,7 @@ from runtime.record.header import RunHeader
 from runtime.record.mcap_file import RunWriter
 from runtime.report.facts import RunFacts
 from runtime.report.gather import gather
+from runtime.report.wheel_calibration import calibrated
 from runtime.settings.configuration import Configuration
 from runtime.tick import CompletedTick, Tick, Timing
 from slam.estimator import Estimator
@@ -100,7 +101,7 @@ def seeded_facts(
         if draft.kept:
             writer.add([*records, *draft.raw])
     writer.close()
-    return gather(folder)
+    return calibrated(gather(folder))
 
 
 def _drafts(world: World, scans: list[Scan], rover: Rover, rng: np.random.Generator, duration_s: float) -> list[Draft]:

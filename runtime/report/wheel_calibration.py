@@ -1,14 +1,20 @@
-"""An encoder that counts nothing while its wheel rolls, told from a turn about that wheel by the laser."""
+"""What scan matching says of the wheels of a run: encoders that are stuck, and the geometry that drove."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from drivers.measurements import FloatArray, Severity
-from runtime.calibrate.drive_data import CalibrationStart
+from drivers.measurements import FloatArray, WheelCounts
+from runtime.calibrate.calibration import calibrate
+from runtime.calibrate.drive_data import CalibrationStart, DriveData
 from runtime.calibrate.recorded_drives import start_from
+from runtime.calibrate.result import Calibration
 from runtime.calibrate.scans.laser_motion import laser_motion
 from runtime.calibrate.wheel_model import DifferentialModel
-from runtime.report.facts import RunFacts
-from runtime.report.finding import Finding, Interval, intervals_where, spans_text
+from runtime.errors import DataSetError
+from runtime.report.facts import RunFacts, StuckEncoder
+from runtime.report.finding import Interval, intervals_where
 from slam.pose import Pose2
 
 WINDOW_S = 1.5
@@ -18,19 +24,48 @@ TURN_SHARE = 0.3  # of the other wheel's way: a turn about a wheel gives it none
 TURNED_SHARE = 0.5  # of the stretch; matching begins at what the wheels say, and now and then ends near it by chance
 
 
-def stuck_encoders(facts: RunFacts) -> list[Finding]:
-    """One finding a wheel."""
+def calibrated(facts: RunFacts) -> RunFacts:
+    """The same facts with the encoders that were stuck and what this run alone says of wheels and mount.
+
+    While an encoder is stuck its counts say nothing about the wheel, and are left out of the calibration.
+    """
+    stuck = tuple(_stuck_encoders(facts))
+    intervals = [interval for encoder in stuck for interval in encoder.intervals]
+    return replace(facts, stuck_encoders=stuck, calibration=_calibration(facts, intervals))
+
+
+def _calibration(facts: RunFacts, stuck: Sequence[Interval]) -> Calibration | None:
+    """None where the run has no scans or no wheels to calibrate by."""
+    if facts.drive is None:
+        return None
+    try:
+        return calibrate([_without(facts.drive, stuck, facts.origin_ns)], start_from(facts.configuration))
+    except DataSetError:
+        return None  # this kind of odometry has no wheels to compare
+
+
+def _without(drive: DriveData, intervals: Sequence[Interval], origin_ns: int) -> DriveData:
+    """The same with all wheel counts in the intervals (s since origin_ns) marked as invalid."""
+    if not intervals:
+        return drive
+    bounds_ns = [(origin_ns + start * 1e9, origin_ns + end * 1e9) for start, end in intervals]
+    counts = [sample for sample in drive.wheels if isinstance(sample, WheelCounts)]
+    inside = [any(low <= sample.stamp_ns <= high for low, high in bounds_ns) for sample in counts]
+    wheels = [replace(sample, valid=sample.valid and not bad) for sample, bad in zip(counts, inside, strict=True)]
+    return replace(drive, wheels=tuple(wheels))
+
+
+def _stuck_encoders(facts: RunFacts) -> Iterator[StuckEncoder]:
     odometry, wheels = facts.configuration.slam.odometry, facts.wheels
     good = wheels.valid & np.isfinite(wheels.counts[:, 0])
     if odometry.model != "differential" or good.sum() < 10 or facts.ticks.times_s.size < 20:
-        return []
+        return
     ends = facts.ticks.times_s[facts.ticks.times_s >= WINDOW_S]
     begins, times_s = ends - WINDOW_S, wheels.times_s[good]
     counts = _between(times_s, wheels.counts[good], begins, ends)
     radii = np.array((odometry.wheel_radius_left_m, odometry.wheel_radius_right_m))
     rolled_m = np.abs(counts) * 2.0 * np.pi * radii / odometry.counts_per_rev
     sampled = np.searchsorted(times_s, ends) > np.searchsorted(times_s, begins)
-    findings = []
     for own, side in enumerate(("left", "right")):
         still = (np.abs(counts[:, own]) <= STILL_COUNTS) & (rolled_m[:, 1 - own] >= OTHER_M) & sampled
         windows = intervals_where(ends, still, 1.0, 0.2)
@@ -38,24 +73,7 @@ def stuck_encoders(facts: RunFacts) -> list[Finding]:
         stretches = [(start - WINDOW_S, end) for start, end in windows]
         intervals = tuple(stretch for stretch in stretches if _covered(stretch, turns) < TURNED_SHARE)
         if intervals:
-            evidence = (
-                f"no count while the other wheel rolled {rolled_m[still, 1 - own].max():.2f} m in {WINDOW_S:.1f} s",
-                "the laser does not see a turn about this wheel",
-            )
-            findings.append(_finding(side, evidence, intervals))
-    return findings
-
-
-def _finding(side: str, evidence: tuple[str, ...], intervals: tuple[Interval, ...]) -> Finding:
-    return Finding(
-        "wheel_stuck",
-        Severity.WARN,
-        f"{side} encoder stuck {spans_text(intervals)}",
-        evidence,
-        "the encoder's disc, coupling or channel has failed",
-        f"check the {side} encoder's coupling and channels; the pose is wrong from then on",
-        intervals,
-    )
+            yield StuckEncoder(side, float(rolled_m[still, 1 - own].max()), intervals)
 
 
 def _turns(facts: RunFacts, own: int) -> list[Interval]:
