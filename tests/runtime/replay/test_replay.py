@@ -194,6 +194,23 @@ def test_a_difference_under_other_code_says_so(imported: Path, tmp_path: Path, m
     assert "slam sources of last week, here " in difference
 
 
+def test_a_setting_of_the_record_that_is_no_more_is_named_beside_the_difference(
+    imported: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replay_run(imported, None, tmp_path / "first", False, {})
+    opened = RunReader.__init__
+
+    def with_an_old_key(self: RunReader, *given: Path) -> None:
+        opened(self, *given)
+        text = self.header.configuration_text.replace("particles = ", "cell_m = 7.0\nparticles = ", 1)
+        self.header = dataclasses.replace(self.header, configuration_text=text)
+
+    monkeypatch.setattr(RunReader, "__init__", with_an_old_key)
+    monkeypatch.setattr(Estimator, "state_hash", lambda self: bytes(16))
+    difference = replay_run(tmp_path / "first", None, None, True, {})["difference"]
+    assert "slam.cell_m = 7.0 is ignored, it is 15.0 (Tuning.cell_m in slam/settings/tuning.py)" in difference
+
+
 def test_an_imported_run_keeps_its_replays_inside(imported: Path) -> None:
     summary = replay_run(imported, None, None, False, {"seed": "9"})
     newest = RunFolder.open(imported).newest_replay()
