@@ -1,5 +1,6 @@
 """What the documents say is so: pages build, links lead somewhere, commands exist and run, references are complete."""
 
+import ast
 import os
 import re
 import shlex
@@ -246,3 +247,15 @@ def test_the_keys_of_the_reference_are_those_that_a_rover_says_with_these_encodi
     wanted = {f"infant/r1/{key.name}": key.encoding for key in PUBLISHED if key.name != "health"}  # no monitor here
     assert {key: said[key] for key in said if not key.endswith("/health")} == wanted
     assert {key.name for key in ASKED} == {"pose", "status", "map", "configuration"}
+
+
+def test_the_map_has_every_folder_with_the_question_that_its_door_asks() -> None:
+    doors = {
+        door.parent.relative_to(ROOT): " ".join((ast.get_docstring(ast.parse(door.read_text())) or "").split())
+        for package in ("drivers", "slam", "runtime")
+        for door in (ROOT / package).rglob("__init__.py")
+    }
+    rows = [f"| `{folder}/` | {doors[folder]} |" for folder in sorted(doors)]
+    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    table = [line for line in page.splitlines() if line.startswith("| `")]
+    assert sorted(table) == sorted(rows), "copy the docstrings of the doors into docs/architecture.md"
