@@ -1,4 +1,4 @@
-"""Planar poses: composition, inverse, transforms of points, and the wrap of angles.
+"""Planar poses, one or rows of them: composition, inverse, transforms of points, and the wrap of angles.
 
 A Pose2 named map_from_body takes body coordinates to map coordinates; neighbours in a product match.
 """
@@ -60,3 +60,30 @@ class Pose2:
     def as_array(self) -> FloatArray:
         """(3,) x, y, heading."""
         return np.array((self.x_m, self.y_m, self.heading_rad))
+
+
+def rotated(vectors: FloatArray, angles_rad: FloatArray | float) -> FloatArray:
+    """Vectors (..., 2) turned counter-clockwise, all by one angle or each by its own (...)."""
+    cosine, sine = np.cos(angles_rad), np.sin(angles_rad)
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack((cosine * x - sine * y, sine * x + cosine * y), axis=-1)
+
+
+def composed(outer: FloatArray, inner: FloatArray) -> FloatArray:
+    """Row by row a_from_b @ b_from_c of poses (n, 3) or (3,); headings are not wrapped."""
+    cosine, sine = np.cos(outer[..., 2]), np.sin(outer[..., 2])
+    return np.stack(
+        (
+            outer[..., 0] + cosine * inner[..., 0] - sine * inner[..., 1],
+            outer[..., 1] + sine * inner[..., 0] + cosine * inner[..., 1],
+            outer[..., 2] + inner[..., 2],
+        ),
+        axis=-1,
+    )
+
+
+def inverted(poses: FloatArray) -> FloatArray:
+    """Row by row a_from_b becomes b_from_a, (n, 3) or (3,); headings are not wrapped."""
+    cosine, sine = np.cos(poses[..., 2]), np.sin(poses[..., 2])
+    x, y = poses[..., 0], poses[..., 1]
+    return np.stack((-cosine * x - sine * y, sine * x - cosine * y, -poses[..., 2]), axis=-1)

@@ -9,8 +9,9 @@ from scipy.optimize import minimize, minimize_scalar
 
 from drivers.measurements import BoolArray, FloatArray
 from runtime.calibrate.scans.laser_motion import LaserMotion
-from runtime.calibrate.track import chord, composed, inverted, seen_by_laser
+from runtime.calibrate.track import chord, seen_by_laser
 from runtime.calibrate.wheel_model import WheelModel
+from slam.pose import composed, inverted
 
 NOISE_START = (0.01, 0.005, 1.0)  # slip and drift m per sqrt(m), factor on the matching deviation
 NOISE_BOUNDS = ((1e-5, 0.5), (1e-5, 0.5), (0.3, 20.0))

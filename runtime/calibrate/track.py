@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray
+from slam.pose import composed, inverted, rotated
 
 SMALL_RAD = 1e-4  # below this turn the series is exact to the last bit that matters
 
@@ -38,10 +39,8 @@ def track(times_s: FloatArray, distances_m: FloatArray, headings_rad: FloatArray
     """Integrate distance and heading (n,) at the samples' times, headings not wrapped, into poses from the origin."""
     steps, turns = np.diff(distances_m), np.diff(headings_rad)
     ahead, left = chord(steps, turns)
-    cosine, sine = np.cos(headings_rad[:-1]), np.sin(headings_rad[:-1])
     poses = np.zeros((len(times_s), 3))
-    np.cumsum(cosine * ahead - sine * left, out=poses[1:, 0])
-    np.cumsum(sine * ahead + cosine * left, out=poses[1:, 1])
+    np.cumsum(rotated(np.stack((ahead, left), axis=-1), headings_rad[:-1]), axis=0, out=poses[1:, :2])
     poses[:, 2] = headings_rad
     return Track(times_s, distances_m, poses)
 
@@ -59,26 +58,6 @@ def moved(poses: FloatArray, distance: FloatArray, turn: FloatArray) -> FloatArr
     """Poses (n, 3) after arcs."""
     ahead, left = chord(distance, turn)
     return composed(poses, np.stack((ahead, left, turn), axis=-1))
-
-
-def composed(outer: FloatArray, inner: FloatArray) -> FloatArray:
-    """Row by row a_from_b @ b_from_c of poses (n, 3) or (3,); headings are not wrapped."""
-    cosine, sine = np.cos(outer[..., 2]), np.sin(outer[..., 2])
-    return np.stack(
-        (
-            outer[..., 0] + cosine * inner[..., 0] - sine * inner[..., 1],
-            outer[..., 1] + sine * inner[..., 0] + cosine * inner[..., 1],
-            outer[..., 2] + inner[..., 2],
-        ),
-        axis=-1,
-    )
-
-
-def inverted(poses: FloatArray) -> FloatArray:
-    """Row by row a_from_b becomes b_from_a, (n, 3) or (3,)."""
-    cosine, sine = np.cos(poses[..., 2]), np.sin(poses[..., 2])
-    x, y = poses[..., 0], poses[..., 1]
-    return np.stack((-cosine * x - sine * y, sine * x - cosine * y, -poses[..., 2]), axis=-1)
 
 
 def seen_by_laser(increments: FloatArray, mount: FloatArray) -> FloatArray:

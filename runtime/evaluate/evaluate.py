@@ -7,11 +7,12 @@ import numpy as np
 
 from drivers.measurements import FloatArray
 from runtime.evaluate.errors import LEAST_FIT_POINTS, PositionError, position_error, rigid_fit
-from runtime.evaluate.rows import composed, nearest_rows, poses_at, read_tum, relative_poses, tum_text
+from runtime.evaluate.rows import nearest_rows, poses_at, read_tum, relative_poses, tum_text
 from runtime.evaluate.truth import DataSetTruth
 from runtime.record.reader import RunReader
 from runtime.record.trajectories import Trajectories, read_trajectories, with_estimates
 from runtime.settings.configuration import load_configuration_text
+from slam.pose import composed, wrap_rads
 
 PAIRING_S = 0.05  # data README: relation times are paired within this
 NO_OFFSET = (0.0, 0.0, 0.0)
@@ -127,7 +128,8 @@ def against_data_set(
 
 def at_laser(rows: FloatArray, body_from_laser: tuple[float, float, float]) -> FloatArray:
     """Rows (n, 4) of t s, x m, y m, heading rad of the laser instead of the body."""
-    return np.column_stack((rows[:, 0], composed(rows[:, 1:], body_from_laser)))
+    laser = composed(rows[:, 1:], np.array(body_from_laser))
+    return np.column_stack((rows[:, 0], laser[:, :2], wrap_rads(laser[:, 2])))
 
 
 def against_points(
@@ -139,7 +141,7 @@ def against_points(
     """
     times_s, places_m = places[:, 0], places[:, 1:3]
     estimated, particles, odometry = (
-        composed(poses_at(rows, times_s), offset)[:, :2]
+        composed(poses_at(rows, times_s), np.array(offset))[:, :2]
         for rows in (trajectories.estimated, trajectories.particles, trajectories.odometry)
     )
     known = np.isfinite(estimated[:, 0])

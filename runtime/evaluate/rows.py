@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
 from runtime.errors import ConfigurationError
-from slam.pose import wrap_rads
+from slam.pose import rotated, wrap_rads
 
 
 def tum_text(trajectory: FloatArray) -> str:
@@ -64,21 +64,7 @@ def nearest_rows(trajectory: FloatArray, times_s: FloatArray, within_s: float) -
     return close
 
 
-def composed(poses: FloatArray, offset: tuple[float, float, float]) -> FloatArray:
-    """poses (n, 3) (+) offset: where something fixed to the body is."""
-    cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    x, y, turn = offset
-    return np.column_stack(
-        (
-            poses[:, 0] + cosine * x - sine * y,
-            poses[:, 1] + sine * x + cosine * y,
-            wrap_rads(poses[:, 2] + turn),
-        )
-    )
-
-
 def relative_poses(first: FloatArray, second: FloatArray) -> FloatArray:
     """first^-1 (+) second, row by row, (n, 3)."""
-    cosine, sine = np.cos(first[:, 2]), np.sin(first[:, 2])
-    x, y = second[:, 0] - first[:, 0], second[:, 1] - first[:, 1]
-    return np.column_stack((cosine * x + sine * y, -sine * x + cosine * y, wrap_rads(second[:, 2] - first[:, 2])))
+    moved = rotated(second[:, :2] - first[:, :2], -first[:, 2])
+    return np.column_stack((moved, wrap_rads(second[:, 2] - first[:, 2])))

@@ -11,7 +11,7 @@ from runtime.messages.ros import decode_ranges_m
 from runtime.messages.tick import Record, decode_gap, decode_tick, decode_timing, decode_truth
 from runtime.tick import Tick, Timing
 from slam.estimate import Estimate
-from slam.pose import Pose2
+from slam.pose import Pose2, rotated
 
 ELAPSED, TICK = "elapsed", "tick"
 """The two timelines: seconds since the first tick, and the number of the tick."""
@@ -101,12 +101,8 @@ class Motion:
         before = self.body_from_body_before
         share = np.clip((self.stamp_ns - stamps_ns) / self.span_ns, -1.0, 3.0)
         body_m = body_from_laser.transform(points_m)
-        cosine, sine = np.cos(share * before.heading_rad), np.sin(share * before.heading_rad)
-        x, y = body_m[:, 0], body_m[:, 1]
-        there_m = np.stack(
-            (share * before.x_m + cosine * x - sine * y, share * before.y_m + sine * x + cosine * y), axis=-1
-        )
-        return self.map_from_body.transform(there_m)
+        moved = share[:, np.newaxis] * before.as_array()
+        return self.map_from_body.transform(moved[:, :2] + rotated(body_m, moved[:, 2]))
 
 
 def beam_points(scan: Scan) -> tuple[NDArray[np.int64], FloatArray, NDArray[np.bool_]]:

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 from drivers.measurements import FloatArray
 from runtime.errors import UsageError
 from runtime.evaluate.errors import LEAST_FIT_POINTS, rigid_fit
-from runtime.evaluate.rows import composed, poses_at
+from runtime.evaluate.rows import poses_at
 from runtime.evaluate.truth import DataSetTruth
 from runtime.record.reader import RunReader
 from runtime.record.trajectories import read_trajectories
 from runtime.settings.configuration import load_configuration_text
+from slam.pose import composed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +44,7 @@ def truth_track(run: RunReader) -> TruthTrack | None:
     mount = load_configuration_text(run.header.configuration_text).slam.mount
     # the antenna stands beside the laser
     offset = (0.0, 0.0, 0.0) if held.fixes is None else (mount.x_m, mount.y_m, mount.yaw_rad)
-    points_m = composed(poses_at(estimated, rows[:, 0]), offset)[:, :2]
+    points_m = composed(poses_at(estimated, rows[:, 0]), np.array(offset))[:, :2]
     passed = np.isfinite(points_m[:, 0])
     if passed.sum() < LEAST_FIT_POINTS:
         return None

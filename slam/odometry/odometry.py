@@ -65,7 +65,7 @@ class Travel:
     known: bool = True
     began: bool = False
     moved: bool = False
-    late: tuple[float, float] = (0.0, 0.0)
+    gap_correction_m: tuple[float, float] = (0.0, 0.0)
     rounded: bool = False
 
     @classmethod
@@ -123,8 +123,8 @@ class Odometry:
         self._travel = Travel.none(self._geometries)
         self._taken_ns = stamp_ns
         self.odom_from_body = self.odom_from_body @ Pose2(*(float(value) for value in travel.tracks[0]))
-        if travel.late != (0.0, 0.0):
-            self.odom_from_body = self.odom_from_body @ self._arc(*travel.late)
+        if travel.gap_correction_m != (0.0, 0.0):
+            self.odom_from_body = self.odom_from_body @ self._arc(*travel.gap_correction_m)
         return increment
 
     def predicted(self, stamp_ns: int) -> Increment:
@@ -160,7 +160,8 @@ class Odometry:
         rows = segments.rows
         distances, turns = self._moves(rows)
         travel.known = travel.known and segments.known
-        travel.late = (travel.late[0] + segments.late[0], travel.late[1] + segments.late[1])
+        (left_m, right_m), more_m = travel.gap_correction_m, segments.gap_correction_m
+        travel.gap_correction_m = (left_m + more_m[0], right_m + more_m[1])
         travel.counts += np.abs(rows[:, 1:3]).sum(axis=0) / max(self._segmenter.count_m, 1e-12)
         travel.moved = travel.moved or bool(distances.any() or turns.any())
         travel.began = travel.began or len(rows) > 0

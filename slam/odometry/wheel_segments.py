@@ -47,14 +47,14 @@ class Cursor:
 class Segments:
     """rows (n, 9) as slam.motion lays them out; known: False if a part of the time had no valid sample.
 
-    late: (left m, right m) of gaps that ended here but of which earlier segments carried on too little or too much.
+    gap_correction_m: (left, right) by which earlier segments carried on too little or too much in gaps that ended here.
     A filter has seen better by itself meanwhile; only dead reckoning makes up for it.
     """
 
     rows: FloatArray
     known: bool
     jumps: int
-    late: tuple[float, float] = (0.0, 0.0)
+    gap_correction_m: tuple[float, float] = (0.0, 0.0)
 
 
 class Segmenter:
@@ -74,7 +74,7 @@ class Segmenter:
     def until(self, cursor: Cursor, samples: Sequence[WheelSample], stamp_ns: int) -> tuple[Segments, Cursor, int]:
         """Segments from cursor to stamp_ns, the cursor there, and how many samples lie behind it."""
         rows: list[tuple[float, ...]] = []
-        late: list[tuple[float, float]] = []
+        corrections: list[tuple[float, float]] = []
         known, jumps, used = True, 0, 0
         if cursor.now_ns is None and (not samples or samples[0].stamp_ns > stamp_ns):
             return Segments(np.empty((0, SEGMENT_COLUMNS)), False, 0), replace(cursor, now_ns=stamp_ns), 0
@@ -82,17 +82,17 @@ class Segmenter:
             if sample.stamp_ns > stamp_ns:
                 break
             used += 1
-            cursor, certain, jumped = self._to_sample(cursor, sample, rows, late)
+            cursor, certain, jumped = self._to_sample(cursor, sample, rows, corrections)
             known, jumps = known and certain, jumps + jumped
         if cursor.now_ns is not None and cursor.now_ns < stamp_ns:
             following = samples[used] if used < len(samples) else None
             cursor, certain = self._past_samples(cursor, following, stamp_ns, rows)
             known = known and certain
-        made_up = (sum(left for left, _ in late), sum(right for _, right in late))
-        return Segments(np.array(rows).reshape(-1, SEGMENT_COLUMNS), known, jumps, made_up), cursor, used
+        correction_m = (sum(left for left, _ in corrections), sum(right for _, right in corrections))
+        return Segments(np.array(rows).reshape(-1, SEGMENT_COLUMNS), known, jumps, correction_m), cursor, used
 
     def _to_sample(
-        self, cursor: Cursor, sample: WheelSample, rows: list[tuple[float, ...]], late: list[tuple[float, float]]
+        self, cursor: Cursor, sample: WheelSample, rows: list[tuple[float, ...]], corrections: list[tuple[float, float]]
     ) -> tuple[Cursor, bool, int]:
         """One segment that ends at a sample."""
         if isinstance(sample, WheelCounts) and not sample.valid:
@@ -122,7 +122,7 @@ class Segmenter:
             first, second, _ = self._difference(cursor.sample, sample)
             uneven = (first - rate[0] * duration, second - rate[1] * duration)
             rows.append(self._rest_of_gap(duration, silence, rate, uneven))
-            late.append(uneven)
+            corrections.append(uneven)
             return Cursor(stamp_ns, sample, sample, rate), True, 0
         before = cursor.measured if cursor.lost else cursor.sample
         rows.append(self._moved(duration, self._difference(before, sample), gap))

@@ -10,8 +10,9 @@ from drivers.measurements import FloatArray
 from runtime.calibrate.drive_data import DriveData, WheelSeries
 from runtime.calibrate.scans.match import Match, match
 from runtime.calibrate.scans.shapes import Shapes, shapes
-from runtime.calibrate.track import Track, composed, inverted, seen_by_laser
+from runtime.calibrate.track import Track, seen_by_laser
 from runtime.calibrate.wheel_model import WheelModel
+from slam.pose import composed, inverted, rotated
 
 # far enough that matching noise (some mm) is small beside the slip, near enough that both scans show the same
 KEYFRAME_M, KEYFRAME_RAD = 0.5, 0.6
@@ -120,9 +121,8 @@ def laser_twist(wheels: Track, time_s: float, mount: FloatArray) -> FloatArray:
     """Velocity (3,) of the laser in its own frame: m/s ahead and left, rad/s."""
     speed, yaw_rate = wheels.velocity(np.array([time_s]), VELOCITY_WINDOW_S)[0]
     x, y, heading = mount
-    ahead, left = speed - yaw_rate * y, yaw_rate * x
-    cosine, sine = np.cos(heading), np.sin(heading)
-    return np.array((cosine * ahead + sine * left, -sine * ahead + cosine * left, yaw_rate))
+    ahead, left = rotated(np.array((speed - yaw_rate * y, yaw_rate * x)), -heading)
+    return np.array((ahead, left, yaw_rate))
 
 
 def _guess(wheels: Track, times_s: FloatArray, mount: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
 from runtime.calibrate.scans.shapes import Shapes
+from slam.pose import rotated
 
 GATES_M = (0.6, 0.3, 0.2)  # how far apart shapes of one thing may be: wide at first, the guess comes from the wheels
 EDGE_GATE_RAD = 0.2
@@ -51,9 +52,7 @@ def match(before: Shapes, after: Shapes, guess: FloatArray) -> Match:
 
 def _placed(points: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Points in the frame before, and the lever by which a turn moves them."""
-    cosine, sine = np.cos(pose[2]), np.sin(pose[2])
-    x, y = points[:, 0], points[:, 1]
-    turned = np.stack((cosine * x - sine * y, sine * x + cosine * y), axis=-1)
+    turned = rotated(points, pose[2])
     return turned + pose[:2], np.stack((-turned[:, 1], turned[:, 0]), axis=-1)
 
 

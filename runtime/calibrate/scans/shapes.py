@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray, Scan
+from slam.pose import rotated
 
 NEAREST_M = 0.1  # nearer returns are the rover's own parts
 GRAZING_RAD = math.radians(10.0)  # flattest incidence at which neighbouring beams still hit one surface
@@ -56,12 +57,7 @@ def scan_points(scan: Scan, laser_twist: FloatArray) -> tuple[FloatArray, FloatA
     points = ranges[:, None] * np.stack((np.cos(bearings), np.sin(bearings)), axis=-1)
     delay = (kept - scan.stamp_beam) * scan.beam_period_s
     turn, half = laser_twist[2] * delay, 0.5 * laser_twist[2] * delay
-    cosine, sine = np.cos(turn), np.sin(turn)
-    ahead = (laser_twist[0] * np.cos(half) - laser_twist[1] * np.sin(half)) * delay
-    left = (laser_twist[0] * np.sin(half) + laser_twist[1] * np.cos(half)) * delay
-    x = cosine * points[:, 0] - sine * points[:, 1] + ahead
-    y = sine * points[:, 0] + cosine * points[:, 1] + left
-    return np.stack((x, y), axis=-1), ranges, kept
+    return rotated(points, turn) + rotated(laser_twist[:2], half) * delay[:, None], ranges, kept
 
 
 def shapes(scan: Scan, laser_twist: FloatArray) -> Shapes:

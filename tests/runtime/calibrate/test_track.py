@@ -2,8 +2,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.calibrate.track import chord, composed, inverted, moved, seen_by_laser, track
-from slam.pose import Pose2
+from runtime.calibrate.track import chord, moved, seen_by_laser, track
+from slam.pose import Pose2, composed, inverted
 
 COORDINATE = st.floats(-20.0, 20.0)
 ANGLE = st.floats(-3.0, 3.0)

@@ -17,7 +17,7 @@ from runtime.evaluate.evaluate import (
     evaluate,
     evaluation_lines,
 )
-from runtime.evaluate.rows import composed, poses_at, read_tum, relative_poses, tum_text
+from runtime.evaluate.rows import poses_at, read_tum, relative_poses, tum_text
 from runtime.evaluate.truth import DataSetTruth
 from runtime.importers.archive import load_archive
 from runtime.importers.truth import truth_of
@@ -29,7 +29,7 @@ from runtime.record.trajectories import Trajectories
 from runtime.settings.configuration import load_configuration_text
 from runtime.tick import CompletedTick, Tick
 from slam.estimate import Estimate, Quality
-from slam.pose import Pose2
+from slam.pose import Pose2, composed
 from tests.support.runtime.recorded_values import make_timing
 
 CONFIGURATION = load_configuration_text("[slam.mount]\nx_m = 2.0\ny_m = 0.5\n")
@@ -108,7 +108,7 @@ def test_an_imported_run_is_evaluated_by_its_newest_replay(tmp_path: Path) -> No
 
 def test_fixes_are_compared_at_the_laser_and_outliers_only_reach_the_full_figures() -> None:
     body = path()
-    laser = composed(body[:, 1:], (2.0, 0.5, 0.0))
+    laser = composed(body[:, 1:], np.array((2.0, 0.5, 0.0)))
     fixes = moved(np.column_stack((body[:, 0], laser)), Pose2(100.0, 50.0, -2.0))[:, :3]
     exact = against_points(Trajectories(body, body, body, None), fixes, (2.0, 0.5, 0.0))
     assert exact["rms_m"] == pytest.approx(0.0, abs=1e-9)

@@ -12,8 +12,8 @@ from drivers.measurements import FloatArray
 from runtime.calibrate.drive_data import DriveData
 from runtime.calibrate.scans.laser_motion import keyframes, laser_twist
 from runtime.calibrate.scans.shapes import scan_points
-from runtime.calibrate.track import composed, inverted
 from runtime.calibrate.wheel_model import WheelModel
+from slam.pose import composed, inverted
 
 CUT_M = 0.3
 SPANS = (1, 2, 3)  # keyframes

@@ -7,9 +7,10 @@ import numpy as np
 from drivers.measurements import BoolArray, FloatArray
 from runtime.evaluate.errors import in_start_frame, position_error, rigid_fit, squared_pose_errors, trajectory_error
 from runtime.evaluate.evaluate import NO_OFFSET, against_relations, at_laser
-from runtime.evaluate.rows import composed, poses_at
+from runtime.evaluate.rows import poses_at
 from runtime.evaluate.truth import DataSetTruth
 from runtime.studies.jobs import Result
+from slam.pose import composed
 
 Mount = tuple[float, float, float]
 SHOWN_EVERY = 10
@@ -50,7 +51,7 @@ def shown_paths(
     result: dict[str, Any] = {}
     shown: dict[str, Any] = {}
     for name, path in paths.items():
-        points = composed(poses_at(path, reference[:, 0]), body_from_laser)[:, :2]
+        points = composed(poses_at(path, reference[:, 0]), np.array(body_from_laser))[:, :2]
         known = np.isfinite(points[:, 0])
         whole = rigid_fit(points[known], reference[known, 1:3])
         shown[name] = np.round(whole.transform(points[known])[::SHOWN_EVERY], 2).tolist()
@@ -62,7 +63,7 @@ def shown_paths(
 
 def _fixes(fixes: FloatArray, path: FloatArray, body_from_laser: Mount) -> Result:
     """After the rigid fit of all fixes, and with the start's heading from a fit of the first 100 m: GPS has none."""
-    points = composed(poses_at(path, fixes[:, 0]), body_from_laser)[:, :2]
+    points = composed(poses_at(path, fixes[:, 0]), np.array(body_from_laser))[:, :2]
     known = np.isfinite(points[:, 0])
     points, places = points[known], fixes[known, 1:3]
     first = _first_metres(places)

@@ -7,7 +7,7 @@ from drivers.settings.simulated_world import WorldSettings
 from drivers.simulated.world.world import World
 from runtime.calibrate.scans.match import match
 from runtime.calibrate.scans.shapes import Shapes, shapes
-from runtime.calibrate.track import composed, inverted
+from slam.pose import composed, inverted
 
 STEP_S = 1.0
 
