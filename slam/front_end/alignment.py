@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.measurements import FloatArray, Scan, ScanLike
-from slam.front_end.alignment_kernels import surface_normals
+from slam.front_end.alignment_kernels import EarlierScans, surface_normals
 from slam.front_end.alignment_search import Search
 from slam.front_end.deskew import Beams, Twist, deskew
 from slam.front_end.differencing import LEAST_SUPPORT, OLDEST_S
@@ -88,14 +88,14 @@ class Alignment:
         past_from_body = [
             (seen.path_from_body @ self._body_from_laser).inverse() @ self._path_from_body for seen in past
         ]
-        search = Search(
-            self._body_from_laser.transform(points),
+        earlier = EarlierScans(
             np.stack([self._beams(seen).points_m for seen in past]),
             np.stack([self._normals(seen) for seen in past]),
             np.array([(p.x_m, p.y_m, math.cos(p.heading_rad), math.sin(p.heading_rad)) for p in past_from_body]),
             float(now.scan.bearings_rad[0]),
             beams.spacing_rad,
         )
+        search = Search(self._body_from_laser.transform(points), earlier)
         motion, information, count = search.best(prior, covariance)
         off = motion - prior
         if count < max(LEAST_POINTS, LEAST_SHARE * len(points)):

@@ -1,6 +1,7 @@
 """Point-to-line alignment of one scan with earlier ones, the motion by the wheels as the prior."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,30 @@ HALF_BASE_M = 0.15  # more of them close by, where noise would turn a short line
 WINDOW_BEAMS = 40
 SOFT_SHARE = 0.15  # share of the gate by which points may miss while it is still wide
 SETTLED = 1e-4  # m and rad; a smaller step ends the search
+SIGMA_M = 0.03  # distance of a point from a surface seen before, m: noise and clutter
+# so many neighbouring beams say the same thing; with 1 the covariance is still wide in simulation
+CORRELATED_BEAMS = 2.0
+
+
+class EarlierScans(NamedTuple):
+    """What a scan is laid onto.
+
+    points_m, normals (s, n, 2): earlier scans in their laser's frames, NaN where there is none. from_start (s, 4): x,
+    y, cosine and sine of where the motion starts, in those frames. first_rad, spacing_rad: where their beams point.
+    """
+
+    points_m: FloatArray
+    normals: FloatArray
+    from_start: FloatArray
+    first_rad: float
+    spacing_rad: float
+
+
+class Prior(NamedTuple):
+    """The motion (3,) by the wheels, x m, y m, heading rad, and its information (3, 3)."""
+
+    motion: FloatArray
+    information: FloatArray
 
 
 @kernel
@@ -79,15 +104,9 @@ def nearest_in_scan(
 def normal_equations(
     points_m: FloatArray,
     stride: int,
-    past_points_m: FloatArray,
-    past_normals: FloatArray,
-    past_from_reference: FloatArray,
-    first_rad: float,
-    spacing_rad: float,
+    past: EarlierScans,
     motion: FloatArray,
     gate_m: float,
-    sigma_m: float,
-    correlated_beams: float,
     information: FloatArray,
     gradient: FloatArray,
 ) -> tuple[int, float]:
@@ -97,8 +116,8 @@ def normal_equations(
     A point that misses its surface by more than sigma counts less and less (Cauchy). Returns the number of points on
     surfaces and the cost; a point without a surface costs as much as one at the gate.
     """
-    variance = sigma_m * sigma_m + (SOFT_SHARE * gate_m) ** 2
-    share = stride / correlated_beams
+    variance = SIGMA_M * SIGMA_M + (SOFT_SHARE * gate_m) ** 2
+    share = stride / CORRELATED_BEAMS
     lost = 0.5 * share * math.log(1.0 + gate_m * gate_m / variance)
     cosine, sine = math.cos(motion[2]), math.sin(motion[2])
     count, cost = 0, 0.0
@@ -107,11 +126,11 @@ def normal_equations(
         turned_y = sine * points_m[point, 0] + cosine * points_m[point, 1]
         x, y = motion[0] + turned_x, motion[1] + turned_y
         nearest, off, slope_x, slope_y = math.inf, 0.0, 0.0, 0.0
-        for past in range(past_points_m.shape[0]):
-            start = past_from_reference[past]
+        for number in range(past.points_m.shape[0]):
+            start = past.from_start[number]
             past_x, past_y = start[0] + start[2] * x - start[3] * y, start[1] + start[3] * x + start[2] * y
-            surfaces, normals = past_points_m[past], past_normals[past]
-            at, square = nearest_in_scan(past_x, past_y, first_rad, spacing_rad, surfaces, normals, gate_m)
+            surfaces, normals = past.points_m[number], past.normals[number]
+            at, square = nearest_in_scan(past_x, past_y, past.first_rad, past.spacing_rad, surfaces, normals, gate_m)
             if at >= 0 and square < nearest:
                 nearest = square
                 off = normals[at, 0] * (past_x - surfaces[at, 0]) + normals[at, 1] * (past_y - surfaces[at, 1])
@@ -140,26 +159,17 @@ def normal_equations(
 def descend(
     points_m: FloatArray,
     stride: int,
-    past_points_m: FloatArray,
-    past_normals: FloatArray,
-    past_from_reference: FloatArray,
-    first_rad: float,
-    spacing_rad: float,
-    prior: FloatArray,
-    prior_information: FloatArray,
+    past: EarlierScans,
+    prior: Prior,
     gates_m: FloatArray,
-    sigma_m: float,
-    correlated_beams: float,
     motion: FloatArray,
     information: FloatArray,
 ) -> tuple[int, float]:
     """Steps of Gauss and Newton from motion (3,), one for each gate (g,), down to the least squares over the points'
     distances from earlier surfaces and the motion's distance from the prior; a settled search at the last gate ends.
 
-    points_m (p, 2): the new scan in the frame whose motion is sought. past_points_m, past_normals (s, n, 2): earlier
-    scans in their laser's frames; past_from_reference (s, 4): x, y, cosine and sine of where the prior starts, in those
-    frames. motion and information (3, 3) are overwritten. Returns points on surfaces and the cost, before the last
-    step.
+    points_m (p, 2): the new scan in the frame whose motion is sought. motion and information (3, 3) are overwritten.
+    Returns points on surfaces and the cost, before the last step.
     """
     gradient, step = np.empty(3), np.empty(3)
     count, cost = 0, math.inf
@@ -168,24 +178,10 @@ def descend(
         for row in range(3):
             gradient[row] = 0.0
             for column in range(3):
-                information[row, column] = prior_information[row, column]
-                gradient[row] += prior_information[row, column] * (motion[column] - prior[column])
-            prior_cost += 0.5 * gradient[row] * (motion[row] - prior[row])
-        count, cost = normal_equations(
-            points_m,
-            stride,
-            past_points_m,
-            past_normals,
-            past_from_reference,
-            first_rad,
-            spacing_rad,
-            motion,
-            gates_m[gate],
-            sigma_m,
-            correlated_beams,
-            information,
-            gradient,
-        )
+                information[row, column] = prior.information[row, column]
+                gradient[row] += prior.information[row, column] * (motion[column] - prior.motion[column])
+            prior_cost += 0.5 * gradient[row] * (motion[row] - prior.motion[row])
+        count, cost = normal_equations(points_m, stride, past, motion, gates_m[gate], information, gradient)
         cost += prior_cost
         for row in range(3):
             for column in range(row):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray
-from slam.front_end.alignment_kernels import descend
+from slam.front_end.alignment_kernels import EarlierScans, Prior, descend
 
 GATE_FIRST_M = 1.0  # points farther from the nearest surface are left out at first, m; what 10 deg move at 6 m
 GATE_LAST_M = 0.15  # the same at the end, m: five times the roughness of a wall
@@ -18,22 +18,15 @@ STARTS = 3  # headings that the search starts from, up to three deviations from 
 NARROWING_STEPS = 6  # steps from the first gate to the last
 FINAL_STEPS = 10  # at most so many steps at the last gate, all points
 COARSE_POINTS = 60  # at most so many points while the gate narrows
-SIGMA_M = 0.03  # distance of a point from a surface seen before, m: noise and clutter
-# so many neighbouring beams say the same thing; with 1 the covariance is still wide in simulation
-CORRELATED_BEAMS = 2.0
 START_DEVIATIONS = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Search:
-    """The new scan's points (p, 2) in the body's frame and earlier scans as slam.alignment_kernels takes them."""
+    """The new scan's points (p, 2) in the body's frame and earlier scans."""
 
     points_m: FloatArray
-    past_points_m: FloatArray
-    past_normals: FloatArray
-    past_from_start: FloatArray
-    first_rad: float
-    spacing_rad: float
+    past: EarlierScans
 
     def best(self, prior: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, int]:
         """The motion (3,) of least cost over all starts, its information (3, 3) and its number of points.
@@ -41,39 +34,24 @@ class Search:
         prior (3,) x m, y m, heading rad with covariance (3, 3), positive definite. The starts differ in heading, and
         in the position that goes with it.
         """
-        information = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+        wheels = Prior(prior, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
         narrowing = np.geomspace(GATE_FIRST_M, GATE_LAST_M, NARROWING_STEPS)
         coarse = max(1, -(-len(self.points_m) // COARSE_POINTS))
         offsets = np.linspace(-START_DEVIATIONS, START_DEVIATIONS, STARTS) if STARTS > 1 else np.zeros(1)
         least, best = math.inf, prior
         for off in offsets:
             motion = prior + off * covariance[:, 2] / math.sqrt(covariance[2, 2])
-            _, _, cost = self._descend(prior, information, motion, coarse, narrowing)
+            _, _, cost = self._descend(wheels, motion, coarse, narrowing)
             if cost < least:
                 least, best = cost, motion
         motion = best.copy()
-        posterior, count, _ = self._descend(prior, information, motion, 1, np.full(FINAL_STEPS, GATE_LAST_M))
+        posterior, count, _ = self._descend(wheels, motion, 1, np.full(FINAL_STEPS, GATE_LAST_M))
         return motion, posterior, count
 
     def _descend(
-        self, prior: FloatArray, information: FloatArray, motion: FloatArray, stride: int, gates_m: FloatArray
+        self, prior: Prior, motion: FloatArray, stride: int, gates_m: FloatArray
     ) -> tuple[FloatArray, int, float]:
         """Moves motion (3,) in place; its information (3, 3), points on surfaces, cost."""
         posterior = np.empty((3, 3))
-        count, cost = descend(
-            self.points_m,
-            stride,
-            self.past_points_m,
-            self.past_normals,
-            self.past_from_start,
-            self.first_rad,
-            self.spacing_rad,
-            prior,
-            information,
-            gates_m,
-            SIGMA_M,
-            CORRELATED_BEAMS,
-            motion,
-            posterior,
-        )
+        count, cost = descend(self.points_m, stride, self.past, prior, gates_m, motion, posterior)
         return posterior, count, cost

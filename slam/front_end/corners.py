@@ -5,6 +5,7 @@ and a line whose end has only background beside it ends there.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,44 @@ LINE_M = 0.2  # least length of a wall, m
 CORNER_RAD = 0.7  # least turn of a wall at a corner, rad
 END_SPACING_M = 0.12  # a wall's end is used if its beams are so close there, m
 SIGMA_CORNER_M = 0.02  # how far a corner is from the meeting of two lines, m; real ones are blunt
+CORNER_SINE = math.sin(CORNER_RAD)
+CORNER, WALL_END = 0, 1
+
+
+class Limits(NamedTuple):
+    """What the scan and the settings say of walls: angle between beams, width of the widest thing that is none, RMS
+    distance of returns from a line at most, variance of one return, and how blunt corners are.
+    """
+
+    spacing_rad: float
+    face_m: float
+    rms_m: float
+    variance_m2: float
+    blunt_m2: float
+
+
+class Line(NamedTuple):
+    """A line through `points` returns: centroid, unit direction towards the last one, sum of squares along it, RMS
+    distance of the returns from it.
+    """
+
+    x: float
+    y: float
+    cosine: float
+    sine: float
+    along_m2: float
+    rms_m: float
+    points: int
+
+
+class Spot(NamedTuple):
+    """A point in the laser's frame, m, and its covariance, m^2."""
+
+    x: float
+    y: float
+    xx: float
+    xy: float
+    yy: float
 
 
 @kernel
@@ -53,8 +92,8 @@ def _split(points_m: FloatArray, first: int, last: int, split_m: float, ends: In
 
 
 @kernel
-def _fit_line(points_m: FloatArray, first: int, last: int, line: FloatArray) -> int:
-    """Total least squares; line: centroid x y, unit direction x y, spread along m^2, rms m. Returns the count."""
+def _fit_line(points_m: FloatArray, first: int, last: int, before: Line) -> Line:
+    """Total least squares; the line `before` where there are fewer than three returns."""
     count, sum_x, sum_y = 0, 0.0, 0.0
     for beam in range(first, last + 1):
         if not math.isnan(points_m[beam, 0]):
@@ -62,7 +101,7 @@ def _fit_line(points_m: FloatArray, first: int, last: int, line: FloatArray) -> 
             sum_x += points_m[beam, 0]
             sum_y += points_m[beam, 1]
     if count < 3:
-        return count
+        return Line(before.x, before.y, before.cosine, before.sine, before.along_m2, before.rms_m, count)
     mean_x, mean_y = sum_x / count, sum_y / count
     xx, yy, xy = 0.0, 0.0, 0.0
     for beam in range(first, last + 1):
@@ -78,25 +117,13 @@ def _fit_line(points_m: FloatArray, first: int, last: int, line: FloatArray) -> 
     toward_x, toward_y = points_m[last, 0] - points_m[first, 0], points_m[last, 1] - points_m[first, 1]
     if toward_x * cosine + toward_y * sine < 0.0:
         cosine, sine = -cosine, -sine
-    line[0], line[1], line[2], line[3] = mean_x, mean_y, cosine, sine
-    line[4], line[5] = along, math.sqrt(max(across, 0.0) / count)
-    return count
+    return Line(mean_x, mean_y, cosine, sine, along, math.sqrt(max(across, 0.0) / count), count)
 
 
 @kernel
-def _write(
-    features: FloatArray,
-    count: int,
-    x: float,
-    y: float,
-    xx: float,
-    xy: float,
-    yy: float,
-    first: int,
-    last: int,
-    kind: int,
-) -> int:
-    """Append a point with covariance as (range, bearing, their covariance, first and last beam, kind)."""
+def _write(features: FloatArray, count: int, spot: Spot, beam: int, kind: int) -> int:
+    """Append a spot as (range, bearing, their covariance, first and last beam, kind)."""
+    x, y, xx, xy, yy = spot
     square = x * x + y * y
     distance = math.sqrt(square)
     row = features[count]
@@ -104,147 +131,100 @@ def _write(
     row[2] = (x * x * xx + 2.0 * x * y * xy + y * y * yy) / square
     row[3] = (-x * y * xx + (x * x - y * y) * xy + x * y * yy) / (square * distance)
     row[4] = (y * y * xx - 2.0 * x * y * xy + x * x * yy) / (square * square)
-    row[5], row[6], row[7] = first, last, kind
+    row[5], row[6], row[7] = beam, beam, kind
     return count + 1
 
 
 @kernel
 def _wall_end(
-    line: FloatArray,
-    points: int,
-    corner_x: float,
-    corner_y: float,
+    line: Line,
+    points_m: FloatArray,
+    beam: int,
     outward: float,
-    spacing_rad: float,
-    end_spacing_m: float,
-    variance_m2: float,
-    blunt_m2: float,
+    limits: Limits,
     features: FloatArray,
     count: int,
-    edge: int,
 ) -> int:
     """Append the free end of a line at its last return, moved out by half of what the beams are apart there."""
-    distance = math.sqrt(corner_x * corner_x + corner_y * corner_y)
-    incidence = abs(line[2] * corner_y - line[3] * corner_x) / max(distance, 1e-9)
-    apart = distance * spacing_rad / max(incidence, 1e-3)
-    if apart > end_spacing_m:
+    end_x, end_y = points_m[beam, 0], points_m[beam, 1]
+    cosine, sine = line.cosine, line.sine
+    distance = math.sqrt(end_x * end_x + end_y * end_y)
+    incidence = abs(cosine * end_y - sine * end_x) / max(distance, 1e-9)
+    apart = distance * limits.spacing_rad / max(incidence, 1e-3)
+    if apart > END_SPACING_M:
         return count
-    along = (corner_x - line[0]) * line[2] + (corner_y - line[1]) * line[3] + 0.5 * outward * apart
-    across_variance = variance_m2 * (1.0 / points + along * along / max(line[4], 1e-9)) + blunt_m2
-    along_variance = apart * apart / 12.0 + blunt_m2
-    cosine, sine = line[2], line[3]
-    return _write(
-        features,
-        count,
-        line[0] + along * cosine,
-        line[1] + along * sine,
+    along = (end_x - line.x) * cosine + (end_y - line.y) * sine + 0.5 * outward * apart
+    across_variance = (
+        limits.variance_m2 * (1.0 / line.points + along * along / max(line.along_m2, 1e-9)) + limits.blunt_m2
+    )
+    along_variance = apart * apart / 12.0 + limits.blunt_m2
+    spot = Spot(
+        line.x + along * cosine,
+        line.y + along * sine,
         cosine * cosine * along_variance + sine * sine * across_variance,
         cosine * sine * (along_variance - across_variance),
         sine * sine * along_variance + cosine * cosine * across_variance,
-        edge,
-        edge,
-        1,
+    )
+    return _write(features, count, spot, beam, WALL_END)
+
+
+@kernel
+def _meeting(before: Line, line: Line, cross: float, limits: Limits) -> Spot:
+    """Where two lines meet; cross: sine of the angle between them."""
+    offset_x, offset_y = line.x - before.x, line.y - before.y
+    along_before = (offset_x * line.sine - offset_y * line.cosine) / cross
+    x, y = before.x + along_before * before.cosine, before.y + along_before * before.sine
+    along = (x - line.x) * line.cosine + (y - line.y) * line.sine
+    # Either line moves the corner along the other one, by its own error over the sine of their angle.
+    one = limits.variance_m2 * (1.0 / before.points + along_before * along_before / max(before.along_m2, 1e-9))
+    two = limits.variance_m2 * (1.0 / line.points + along * along / max(line.along_m2, 1e-9))
+    one, two = one / (cross * cross), two / (cross * cross)
+    return Spot(
+        x,
+        y,
+        line.cosine * line.cosine * one + before.cosine * before.cosine * two + limits.blunt_m2,
+        line.cosine * line.sine * one + before.cosine * before.sine * two,
+        line.sine * line.sine * one + before.sine * before.sine * two + limits.blunt_m2,
     )
 
 
 @kernel
-def _corners(
-    points_m: FloatArray,
-    ranges_m: FloatArray,
-    runs: IntArray,
-    spacing_rad: float,
-    guard: int,
-    prominence_m: float,
-    face_m: float,
-    split_m: float,
-    rms_m: float,
-    least_beams: int,
-    least_m: float,
-    corner_sine: float,
-    end_spacing_m: float,
-    variance_m2: float,
-    blunt_m2: float,
-    features: FloatArray,
-) -> int:
+def _corners(points_m: FloatArray, ranges_m: FloatArray, runs: IntArray, limits: Limits, features: FloatArray) -> int:
     count = 0
     size = points_m.shape[0]
     ends, stack = np.empty(size + 1, dtype=np.int64), np.empty((size + 2, 2), dtype=np.int64)
-    line, before = np.empty(6), np.empty(6)
+    line = Line(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+    before = line
     for run in range(runs.shape[0]):
         first, last = runs[run, 0], runs[run, 1]
         across_x, across_y = points_m[last, 0] - points_m[first, 0], points_m[last, 1] - points_m[first, 1]
-        if last - first + 1 < least_beams or across_x * across_x + across_y * across_y < face_m * face_m:
+        narrow = across_x * across_x + across_y * across_y < limits.face_m * limits.face_m
+        if last - first + 1 < LINE_BEAMS or narrow:
             continue
-        pieces = _split(points_m, first, last, split_m, ends, stack)
-        before_points = 0
+        pieces = _split(points_m, first, last, LINE_SPLIT_M, ends, stack)
+        bends = False  # whether the piece before was a wall
         for piece in range(pieces - 1):
             begin, end = ends[piece], ends[piece + 1]
             inner = 1 if end - begin > 4 else 0  # the beams at a bend belong to both lines or, rounded, to none
-            points = 0
-            if end - begin + 1 >= least_beams:
+            if end - begin + 1 >= LINE_BEAMS:
                 from_beam = begin + (inner if piece > 0 else 0)
                 to_beam = end - (inner if piece < pieces - 2 else 0)
-                points = _fit_line(points_m, from_beam, to_beam, line)
+                line = _fit_line(points_m, from_beam, to_beam, line)
             length = math.sqrt(
                 (points_m[end, 0] - points_m[begin, 0]) ** 2 + (points_m[end, 1] - points_m[begin, 1]) ** 2
             )
-            if points < least_beams - 2 or length < least_m or line[5] > rms_m:
-                before_points = 0
+            short = end - begin + 1 < LINE_BEAMS or line.points < LINE_BEAMS - 2 or length < LINE_M
+            if short or line.rms_m > limits.rms_m:
+                bends = False
                 continue
-            cross = before[2] * line[3] - before[3] * line[2] if before_points else 0.0
-            if before_points and abs(cross) > corner_sine:
-                offset_x, offset_y = line[0] - before[0], line[1] - before[1]
-                along_before = (offset_x * line[3] - offset_y * line[2]) / cross
-                x, y = before[0] + along_before * before[2], before[1] + along_before * before[3]
-                along = (x - line[0]) * line[2] + (y - line[1]) * line[3]
-                # Either line moves the corner along the other one, by its own error over the sine of their angle.
-                one = variance_m2 * (1.0 / before_points + along_before * along_before / max(before[4], 1e-9))
-                two = variance_m2 * (1.0 / points + along * along / max(line[4], 1e-9))
-                one, two = one / (cross * cross), two / (cross * cross)
-                count = _write(
-                    features,
-                    count,
-                    x,
-                    y,
-                    line[2] * line[2] * one + before[2] * before[2] * two + blunt_m2,
-                    line[2] * line[3] * one + before[2] * before[3] * two,
-                    line[3] * line[3] * one + before[3] * before[3] * two + blunt_m2,
-                    begin,
-                    begin,
-                    0,
-                )
-            if piece == 0 and clear_beside(ranges_m, first, -1, guard, ranges_m[first] + prominence_m):
-                count = _wall_end(
-                    line,
-                    points,
-                    points_m[first, 0],
-                    points_m[first, 1],
-                    -1.0,
-                    spacing_rad,
-                    end_spacing_m,
-                    variance_m2,
-                    blunt_m2,
-                    features,
-                    count,
-                    first,
-                )
-            if piece == pieces - 2 and clear_beside(ranges_m, last, 1, guard, ranges_m[last] + prominence_m):
-                count = _wall_end(
-                    line,
-                    points,
-                    points_m[last, 0],
-                    points_m[last, 1],
-                    1.0,
-                    spacing_rad,
-                    end_spacing_m,
-                    variance_m2,
-                    blunt_m2,
-                    features,
-                    count,
-                    last,
-                )
-            before[:] = line
-            before_points = points
+            cross = before.cosine * line.sine - before.sine * line.cosine if bends else 0.0
+            if bends and abs(cross) > CORNER_SINE:
+                count = _write(features, count, _meeting(before, line, cross, limits), begin, CORNER)
+            if piece == 0 and clear_beside(ranges_m, first, -1, GUARD_BEAMS, ranges_m[first] + PROMINENCE_M):
+                count = _wall_end(line, points_m, first, -1.0, limits, features, count)
+            if piece == pieces - 2 and clear_beside(ranges_m, last, 1, GUARD_BEAMS, ranges_m[last] + PROMINENCE_M):
+                count = _wall_end(line, points_m, last, 1.0, limits, features, count)
+            before, bends = line, True
     return count
 
 
@@ -254,22 +234,6 @@ def corners(beams: Beams, runs: IntArray, settings: FrontEndSettings) -> FloatAr
     Columns: range m, bearing rad, variance m^2, covariance m rad, variance rad^2, first and last beam, 1 for an end.
     """
     found = np.empty((len(beams) + 2, 8))
-    count = _corners(
-        beams.points_m,
-        beams.ranges_m,
-        runs,
-        beams.spacing_rad,
-        GUARD_BEAMS,
-        PROMINENCE_M,
-        settings.width_max_m,
-        LINE_SPLIT_M,
-        LINE_RMS_M + settings.sigma_range_m,
-        LINE_BEAMS,
-        LINE_M,
-        math.sin(CORNER_RAD),
-        END_SPACING_M,
-        settings.sigma_range_m**2,
-        SIGMA_CORNER_M**2,
-        found,
-    )
-    return found[:count]
+    sigma_m = settings.sigma_range_m
+    limits = Limits(beams.spacing_rad, settings.width_max_m, LINE_RMS_M + sigma_m, sigma_m**2, SIGMA_CORNER_M**2)
+    return found[: _corners(beams.points_m, beams.ranges_m, runs, limits, found)]

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,25 +57,17 @@ def deskew(scan: Scan, twist: Twist, body_from_laser: Pose2, range_min_m: float,
             f"bearings_rad from {directions[0]} to {directions[-1]} do not increase; "
             "expected counter-clockwise beams: turn the arrays of the scan round"
         )
-    ranges = np.empty(count)
-    bearings = np.empty(count)
-    points = np.empty((count, 2))
-    rays = np.empty((count, 2))
+    beams = BeamArrays(np.empty(count), np.empty(count), np.empty((count, 2)), np.empty((count, 2)))
+    sweep = Sweep(scan.ranges_m.astype(np.float64), directions, scan.beam_period_s, scan.stamp_beam)
     _deskew(
-        scan.ranges_m.astype(np.float64),
-        directions,
-        scan.beam_period_s,
-        scan.stamp_beam,
+        sweep,
         np.array((twist.speed_mps, twist.lateral_mps, twist.yaw_rate_radps)),
         body_from_laser.as_array(),
         range_min_m,
         min(range_max_m, scan.range_max_m),
-        ranges,
-        bearings,
-        points,
-        rays,
+        beams,
     )
-    return Beams(scan.stamp_ns, ranges, bearings, points, rays, float(spacing))
+    return Beams(scan.stamp_ns, *beams, float(spacing))
 
 
 def with_motion_noise(features: Features, scan: ScanLike, covariance: FloatArray, duration_s: float) -> Features:
@@ -98,21 +91,30 @@ def with_motion_noise(features: Features, scan: ScanLike, covariance: FloatArray
     return replace(features, covariances=wider)
 
 
+class Sweep(NamedTuple):
+    """A scan as it was measured: ranges m and directions rad (n,), and when each beam was taken."""
+
+    ranges_m: FloatArray
+    directions_rad: FloatArray
+    beam_period_s: float
+    stamp_beam: int
+
+
+class BeamArrays(NamedTuple):
+    """The arrays of Beams, to be filled in."""
+
+    ranges_m: FloatArray
+    bearings_rad: FloatArray
+    points_m: FloatArray
+    rays: FloatArray
+
+
 @kernel
 def _deskew(
-    measured_m: FloatArray,
-    directions_rad: FloatArray,
-    beam_period_s: float,
-    stamp_beam: int,
-    twist: FloatArray,
-    mount: FloatArray,
-    range_min_m: float,
-    range_max_m: float,
-    ranges_m: FloatArray,
-    bearings_rad: FloatArray,
-    points_m: FloatArray,
-    rays: FloatArray,
+    sweep: Sweep, twist: FloatArray, mount: FloatArray, range_min_m: float, range_max_m: float, beams: BeamArrays
 ) -> None:
+    measured_m, directions_rad, beam_period_s, stamp_beam = sweep
+    ranges_m, bearings_rad, points_m, rays = beams
     mount_cosine, mount_sine = math.cos(mount[2]), math.sin(mount[2])
     moving = beam_period_s != 0.0 and (twist[0] != 0.0 or twist[1] != 0.0 or twist[2] != 0.0)
     for beam in range(measured_m.shape[0]):

@@ -7,6 +7,7 @@ odometry, with scans 0.4 to 1.1 s old, and lets them vote.
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,15 @@ def equal_angle_difference(now: Scan, before: Scan | None, difference_m: float) 
         verdicts[:] = np.where(same, BeamVerdict.KEPT, BeamVerdict.MOVED)
     verdicts[~np.isfinite(now.ranges_m) | (now.ranges_m <= 0.0)] = BeamVerdict.NO_RETURN
     return verdicts
+
+
+class PastBeams(NamedTuple):
+    """Of an earlier scan's Beams what compiled code compares with."""
+
+    points_m: FloatArray
+    ranges_m: FloatArray
+    rays: FloatArray
+    spacing_rad: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,13 +108,8 @@ class CompensatedVote:
             past_from_now = past.odom_from_laser.inverse() @ placed.odom_from_laser
             _look_back(
                 beams.points_m,
-                past.beams.points_m,
-                past.beams.ranges_m,
-                past.beams.rays,
+                PastBeams(past.beams.points_m, past.beams.ranges_m, past.beams.rays, past.beams.spacing_rad),
                 past_from_now.as_array(),
-                TOLERANCE_M,
-                TOLERANCE_RAD + 0.5 * past.beams.spacing_rad,
-                past.beams.spacing_rad,
                 found,
                 looked,
             )
@@ -189,18 +194,11 @@ def _beam_toward(rays: FloatArray, x: float, y: float) -> int:
 
 @kernel
 def _look_back(
-    points_m: FloatArray,
-    past_points_m: FloatArray,
-    past_ranges_m: FloatArray,
-    past_rays: FloatArray,
-    past_from_now: FloatArray,
-    tolerance_m: float,
-    tolerance_rad: float,
-    spacing_rad: float,
-    found: CountArray,
-    looked: CountArray,
+    points_m: FloatArray, past: PastBeams, past_from_now: FloatArray, found: CountArray, looked: CountArray
 ) -> None:
     """Count for every point (n, 2) whether one past scan looked at its place and whether it found it."""
+    past_points_m, past_ranges_m, past_rays, spacing_rad = past
+    tolerance_rad = TOLERANCE_RAD + 0.5 * spacing_rad
     cosine, sine = math.cos(past_from_now[2]), math.sin(past_from_now[2])
     last = past_ranges_m.shape[0] - 1
     half_beam = 0.5 * spacing_rad
@@ -225,7 +223,7 @@ def _look_back(
             aside = past_rays[nearest, 0] * y - past_rays[nearest, 1] * x
         if aside > 2.0 * off or aside < -2.0 * off:
             continue
-        tolerance = tolerance_m + tolerance_rad * distance
+        tolerance = TOLERANCE_M + tolerance_rad * distance
         reach = 1 + int(min(tolerance / max(distance, 1e-3), WINDOW_RAD) / spacing_rad)
         stride = max(1, reach // PROBES)  # close by, beams are far denser than the tolerance
         here = False

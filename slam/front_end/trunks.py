@@ -103,10 +103,6 @@ def _trunks(
     spacing_rad: float,
     sigma_m: float,
     width_max_m: float,
-    prominence_m: float,
-    thin_prominence_m: float,
-    guard: int,
-    roughness: float,
     trunks: FloatArray,
 ) -> int:
     count = 0
@@ -140,15 +136,15 @@ def _trunks(
         radius = distance * half_sine
         if 2.0 * radius > width_max_m:
             continue
-        behind = thin_prominence_m if hits <= 2 else prominence_m
+        behind = THIN_PROMINENCE_M if hits <= 2 else PROMINENCE_M
         if not (
-            clear_beside(ranges_m, runs[run, 0], -1, guard, ranges_m[first] + behind)
-            and clear_beside(ranges_m, runs[run, 1], 1, guard, ranges_m[last] + behind)
+            clear_beside(ranges_m, runs[run, 0], -1, GUARD_BEAMS, ranges_m[first] + behind)
+            and clear_beside(ranges_m, runs[run, 1], 1, GUARD_BEAMS, ranges_m[last] + behind)
         ):
             continue
         bearing = 0.5 * (bearings_rad[first] + bearings_rad[last])
         rough_m = _least_roughness(ranges_m, bearings_rad, first, last, mean, spacing_rad) if hits >= 4 else 0.0
-        if rough_m > roughness * radius + sigma_m:
+        if rough_m > ROUGHNESS * radius + sigma_m:
             continue
         trunks[count, 0], trunks[count, 1], trunks[count, 2] = distance, bearing, radius
         trunks[count, 3], trunks[count, 4], trunks[count, 5] = hits, first, last
@@ -169,10 +165,6 @@ def trunks(beams: Beams, runs: IntArray, settings: FrontEndSettings) -> FloatArr
         beams.spacing_rad,
         settings.sigma_range_m,
         settings.width_max_m,
-        PROMINENCE_M,
-        THIN_PROMINENCE_M,
-        GUARD_BEAMS,
-        ROUGHNESS,
         found,
     )
     return found[:count]

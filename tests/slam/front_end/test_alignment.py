@@ -9,6 +9,7 @@ from drivers.measurements import FloatArray, Scan, Sightings
 from slam.estimator import Estimator
 from slam.front_end import alignment_search
 from slam.front_end.alignment import Alignment
+from slam.front_end.alignment_kernels import EarlierScans
 from slam.front_end.alignment_search import Search
 from slam.odometry.odometry import Increment, Odometry
 from slam.pose import Pose2
@@ -194,7 +195,7 @@ def test_the_search_writes_finite_information() -> None:
     points = np.array(((2.0, 1.0), (3.0, 1.0), (4.0, 1.0)))
     wall, normals = points.copy()[np.newaxis], np.tile((0.0, 1.0), (3, 1))[np.newaxis]
     start = np.array(((0.0, 0.0, 1.0, 0.0),))
-    search = Search(points, wall, normals, start, 0.2, 0.1)
+    search = Search(points, EarlierScans(wall, normals, start, 0.2, 0.1))
     motion, information, _ = search.best(np.zeros(3), 0.01 * np.eye(3))
     assert np.isfinite(motion).all()
     assert (np.linalg.eigvalsh(information) > 0.0).all()

@@ -9,8 +9,8 @@ from drivers.settings.simulated_world import DriveSettings, LaserGeometrySetting
 from drivers.simulated.world.world import World
 from runtime.calibrate.drive_data import CalibrationStart, DriveData
 from runtime.calibrate.scans.laser_motion import LaserMotion
-from runtime.calibrate.track import Track, composed, inverted, seen_by_laser, track
-from slam.pose import Pose2
+from runtime.calibrate.track import Track, seen_by_laser, track
+from slam.pose import Pose2, composed, inverted
 
 START = CalibrationStart(body_from_laser=Pose2(0.3, 0.0, 0.0))
 BOOT_NS = 5_000_000_000_000
