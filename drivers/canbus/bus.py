@@ -1,6 +1,7 @@
 """One CAN bus through python-can: opened with filters and a large buffer, read as frames, errors as sentences."""
 
 import logging
+import os
 import socket
 import struct
 import time
@@ -45,6 +46,7 @@ class CanBus:
             self._bus = open_bus(settings, ids)
         except Exception as error:  # back ends raise whatever their vendor's library raises
             raise LinkError(advice(settings, error)) from error
+        self._socket = socket_of(self._bus)
         self._enlarge_buffer()
 
     @property
@@ -58,11 +60,10 @@ class CanBus:
 
         python-can does not ask for SO_RXQ_OVFL and cannot bear its answer.
         """
-        sock = self._socket()
-        if sock is None:
+        if self._socket is None:
             return 0
         try:
-            return int(MEMINFO.unpack(sock.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO.size))[DROPPED])
+            return int(MEMINFO.unpack(self._socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, MEMINFO.size))[DROPPED])
         except (OSError, struct.error):
             return 0
 
@@ -88,24 +89,19 @@ class CanBus:
 
     def close(self) -> None:
         """Leave the bus; a bus that cannot even be closed is left to the system."""
+        if self._socket is not None:
+            self._socket.close()
         try:
             self._bus.shutdown()
         except Exception:
             logging.getLogger(__name__).debug("closing %s failed", self.settings.channel, exc_info=True)
 
-    def _socket(self) -> socket.socket | None:
-        """The socket of a bus that is one."""
-        multicast = getattr(self._bus, "_multicast", None)
-        sock = getattr(self._bus, "socket", None) or getattr(multicast, "_socket", None)
-        return sock if isinstance(sock, socket.socket) else None
-
     def _enlarge_buffer(self) -> None:
-        sock = self._socket()
-        if sock is None:
+        if self._socket is None:
             return
         for option in (SO_RCVBUFFORCE, socket.SO_RCVBUF):
             try:
-                sock.setsockopt(socket.SOL_SOCKET, option, self.settings.receive_buffer_bytes)
+                self._socket.setsockopt(socket.SOL_SOCKET, option, self.settings.receive_buffer_bytes)
             except OSError:
                 continue
             return
@@ -117,6 +113,19 @@ class BusReadError(LinkError):
     def __init__(self, text: str, number: int | None) -> None:
         super().__init__(text)
         self.number = number
+
+
+def socket_of(bus: can.BusABC) -> socket.socket | None:
+    """Another handle to the socket of a bus that is one, for its options; None for an adapter or a queue."""
+    try:
+        descriptor = os.dup(bus.fileno())
+    except (OSError, NotImplementedError):
+        return None
+    try:
+        return socket.socket(fileno=descriptor)
+    except OSError:  # a serial port, for example
+        os.close(descriptor)
+        return None
 
 
 def open_bus(settings: BusSettings, ids: Iterable[int]) -> can.BusABC:

@@ -1,19 +1,21 @@
 import errno
+import inspect
 import socket
 import time
 from collections.abc import Callable
 
 import can
 import pytest
+from can.interfaces.udp_multicast.bus import GeneralPurposeUdpMulticastBus
 from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.canbus.advice import advice, bitrate_advice, bus_off_advice
 from drivers.canbus.arrival_clock import ArrivalClock
-from drivers.canbus.bus import CanBus, frame_of, message_of
+from drivers.canbus.bus import CanBus, frame_of, message_of, socket_of
 from drivers.canbus.error_frames import BUS_OFF, CONTROLLER, NO_ACK, RESTARTED, BusCondition, ErrorFrames
 from drivers.canbus.frame import ERROR, EXTENDED, FD, REMOTE, CanFrame
-from drivers.canbus.loopback import free_port
+from drivers.canbus.loopback import LoopbackBus, LoopbackSocket, free_port
 from drivers.measurements import LinkError
 from drivers.settings.can import BusSettings
 
@@ -241,3 +243,22 @@ def test_every_interface_of_python_can_is_a_bus_or_one_sentence_with_its_remedy(
         assert "\n" not in sentence
         assert any(remedy in sentence for remedy in REMEDIES), sentence
         assert "Traceback" not in sentence
+
+
+def test_the_private_names_of_python_can_that_the_loopback_bus_replaces_are_still_those() -> None:
+    replaced = inspect.signature(GeneralPurposeUdpMulticastBus._create_socket)
+    assert inspect.signature(LoopbackSocket._create_socket) == replaced
+    bus = LoopbackBus("239.74.163.2", free_port())
+    try:
+        assert bus.protocol is can.CanProtocol.CAN_FD
+        sock = socket_of(bus)
+        assert sock is not None
+        with sock:
+            assert sock.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, 4) == socket.inet_aton("127.0.0.1")
+    finally:
+        bus.shutdown()
+
+
+def test_a_bus_without_a_socket_has_none() -> None:
+    with can.Bus(interface="virtual", channel="no socket") as bus:
+        assert socket_of(bus) is None
