@@ -34,7 +34,7 @@ def advice(bus: BusSettings, error: BaseException) -> str:
         known = ", ".join(sorted(can.VALID_INTERFACES))
         return f"{where}: python-can has no such interface; set interface in [encoders.bus] to one of {known}"
     if isinstance(error, ImportError | can.CanInterfaceNotImplementedError):
-        return f"{where}: python-can has no {bus.interface} here ({error}); {_install(bus.interface)}"
+        return f"{where}: python-can has no {bus.interface} here ({error}); {_install_advice(bus.interface)}"
     if isinstance(error, NameError) or "library not found" in str(error):
         return f"{where}: the vendor's library is missing ({error}); {VENDOR}"
     lacking = MISSING_ARGUMENTS.search(str(error)) if isinstance(error, TypeError) else None
@@ -43,9 +43,9 @@ def advice(bus: BusSettings, error: BaseException) -> str:
     if number in NO_CAN_IN_KERNEL:
         return f"{where}: this kernel has no CAN; load it with: sudo modprobe can-raw"
     if number in ABSENT:
-        return f"{where}: there is no such interface; {_make(bus)}"
+        return f"{where}: there is no such interface; {_create_advice(bus)}"
     if number in FORBIDDEN:
-        return f"{where}: no permission; {_permit(bus)}"
+        return f"{where}: no permission; {_permission_advice(bus)}"
     if number == errno.ENETDOWN:
         kind = "" if bus.channel.startswith(("vcan", "slcan")) else f" type can bitrate {bus.bitrate}"
         return f"{where}: the interface is down; sudo ip link set {bus.channel} up{kind}"
@@ -74,7 +74,7 @@ def bus_off_advice(bus: BusSettings) -> str:
     return f"{where}: bus-off after too many errors; if it does not restart by itself: {restart}"
 
 
-def _install(interface: str) -> str:
+def _install_advice(interface: str) -> str:
     """What brings an interface: an extra of python-can where there is one."""
     extras = metadata.metadata("python-can").get_all("Provides-Extra") or []
     if interface.replace("_", "-") in (extra.replace("_", "-") for extra in extras):
@@ -82,7 +82,7 @@ def _install(interface: str) -> str:
     return VENDOR
 
 
-def _make(bus: BusSettings) -> str:
+def _create_advice(bus: BusSettings) -> str:
     if bus.interface != "socketcan":
         return f"plug the adapter in, or set channel in [encoders.bus]; devices: ls {_folder(bus.channel)}"
     if bus.channel.startswith("vcan"):
@@ -91,7 +91,7 @@ def _make(bus: BusSettings) -> str:
     return f"plug the adapter in and type: sudo ip link set {bus.channel} up {options}"
 
 
-def _permit(bus: BusSettings) -> str:
+def _permission_advice(bus: BusSettings) -> str:
     if bus.channel.startswith("/dev/"):
         return "join the group of the device with: sudo usermod -aG dialout $USER, then log in again"
     return "allow AF_CAN to the service (RestrictAddressFamilies=AF_CAN), or try: sudo setcap cap_net_raw+ep on python"

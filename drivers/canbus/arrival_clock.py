@@ -18,7 +18,7 @@ class ArrivalClock:
         self.jumps = 0
         self._offset_ns: float | None = None
         self._offset_before_ns: float | None = None
-        self._ahead_ns: int | None = None
+        self._system_ahead_ns: int | None = None
         self._last_ns = 0
         self._since_jump = 0
 
@@ -29,7 +29,7 @@ class ArrivalClock:
         when it was read, None where the stamps are not of it.
         """
         if system_ns is not None:
-            self._follow(system_ns - monotonic_ns)
+            self._watch_system_clock(system_ns - monotonic_ns)
         if stamp_s <= 0.0:
             return monotonic_ns
         stamp_ns = round(stamp_s * 1e9)
@@ -39,7 +39,7 @@ class ArrivalClock:
             self._offset_ns = delay_ns
             return monotonic_ns
         if self._offset_before_ns is not None:
-            self._choose(delay_ns, self._offset_ns, self._offset_before_ns)
+            self._choose_offset(delay_ns, self._offset_ns, self._offset_before_ns)
         if not -JUMP_NS <= delay_ns - self._offset_ns <= LATEST_NS:
             self.jumps += 1
             self._offset_ns = delay_ns
@@ -47,16 +47,16 @@ class ArrivalClock:
         self._offset_ns = min(self._offset_ns + LEAK * elapsed_ns, delay_ns)
         return min(monotonic_ns, round(stamp_ns + self._offset_ns))
 
-    def _follow(self, ahead_ns: int) -> None:
+    def _watch_system_clock(self, ahead_ns: int) -> None:
         """Take note of how far the system clock is ahead of the monotonic one."""
-        if self._ahead_ns is not None and abs(ahead_ns - self._ahead_ns) > JUMP_NS:
+        if self._system_ahead_ns is not None and abs(ahead_ns - self._system_ahead_ns) > JUMP_NS:
             self.jumps += 1
             if self._offset_ns is not None:
                 self._offset_before_ns, self._since_jump = self._offset_ns, 0
-                self._offset_ns -= ahead_ns - self._ahead_ns
-        self._ahead_ns = ahead_ns
+                self._offset_ns -= ahead_ns - self._system_ahead_ns
+        self._system_ahead_ns = ahead_ns
 
-    def _choose(self, delay_ns: int, one_ns: float, other_ns: float) -> None:
+    def _choose_offset(self, delay_ns: int, one_ns: float, other_ns: float) -> None:
         """After a jump a frame may have been stamped before it: the offset by which it is least late is its own.
 
         An adapter's stamps do not jump with the system clock, and go on with the offset that they had.

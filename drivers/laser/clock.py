@@ -1,4 +1,4 @@
-"""The laser's clock seen from the host: 24-bit counter unwrapped, offset and drift estimated, wraps told from restarts.
+"""The laser's clock seen from the host: 24-bit counter unwrapped, offset and drift estimated, wraps and restarts.
 
 Three sources, from rough to fine: a nominal delay between measuring and arriving; the request for the device's time
 (TM), whose answers bracket the offset; and the lower envelope of the arrival delay in the stream, whose slope is the
@@ -9,7 +9,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, replace
 
-from drivers.laser.counter import NS_PER_MS, CounterUnwrap, Reading
+from drivers.laser.counter import NS_PER_MS, CounterStatus, CounterUnwrap
 from drivers.laser.drift import HALF_MS_NS, POINTS_MIN, fastest_slope, slowest_slope, weigh
 
 BUCKET_NS = 500_000_000
@@ -81,8 +81,8 @@ class LaserClock:
     def offset_uncertainty_ms(self) -> float:
         """Half of the TM bracket (without TM: of the delay that was assumed), and twice what the drift may have added.
 
-        Right after the start the drift is not known: up to 1.5 ms are told after ten seconds, though the error is below
-        one. In simulated jitter the error was within this for 94 to 100 % of the time.
+        Right after the start the drift is not known: up to 1.5 ms are reported after ten seconds, though the error is
+        below one. In simulated jitter the error was within this for 94 to 100 % of the time.
         """
         if self._envelope is None:
             return math.inf
@@ -90,7 +90,7 @@ class LaserClock:
         since_ns = 0 if self._anchor is None else self._envelope.at_ns - self._anchor[0]
         return (half_ns + 2.0 * min(since_ns * self._drift_sigma, self._scatter_ns)) / NS_PER_MS
 
-    def synchronise(self, answers: list[tuple[int, int, int]], nominal_delay_ns: float) -> Reading:
+    def synchronise(self, answers: list[tuple[int, int, int]], nominal_delay_ns: float) -> CounterStatus:
         """Anchor the offset on answers to TM1: (host ns before, host ns after, counter ms), oldest first.
 
         Without answers the nominal delay from stamp to arrival is assumed. The envelope so far is kept if the
@@ -101,39 +101,39 @@ class LaserClock:
             self._anchor = None
             if self._envelope is None:
                 self.delay_ns = nominal_delay_ns
-            return Reading.GOOD
-        reading = Reading.GOOD
+            return CounterStatus.GOOD
+        reading = CounterStatus.GOOD
         low, high, at_ns = -math.inf, math.inf, 0
         for before_ns, after_ns, counter_ms in answers:
-            if self._unwrap.take(counter_ms, after_ns, is_query=True) is Reading.RESTARTED:
-                reading = Reading.RESTARTED
+            if self._unwrap.take(counter_ms, after_ns, is_query=True) is CounterStatus.RESTARTED:
+                reading = CounterStatus.RESTARTED
             at_ns = self._unwrap.total_ms * NS_PER_MS
             narrow_low, narrow_high = before_ns - at_ns - NS_PER_MS, after_ns - at_ns
             if max(low, narrow_low) > min(high, narrow_high):  # a clock that jumps; the newest answer counts
                 low, high = narrow_low, narrow_high
             low, high = max(low, narrow_low), min(high, narrow_high)
-        if reading is Reading.RESTARTED:
+        if reading is CounterStatus.RESTARTED:
             self._restart()
         self._anchor = (at_ns, (low + high) / 2.0)
         self._is_anchor_checked = False
         self.bracket_ns = (high - low) / 2.0
         return reading
 
-    def observe(self, counter_ms: int, arrival_ns: int, nominal_delay_ns: float) -> Reading:
+    def observe(self, counter_ms: int, arrival_ns: int, nominal_delay_ns: float) -> CounterStatus:
         """Take the stamp of a scan whose first byte arrived at a host time."""
         reading = self._unwrap.take(counter_ms, arrival_ns)
-        if reading is Reading.STALE:
+        if reading is CounterStatus.STALE:
             return reading
-        if reading is Reading.GOOD and not self._fits_anchor(arrival_ns, nominal_delay_ns):
-            reading, self.delay_ns = Reading.RESTARTED, nominal_delay_ns
-        if reading is Reading.RESTARTED:
+        if reading is CounterStatus.GOOD and not self._fits_anchor(arrival_ns, nominal_delay_ns):
+            reading, self.delay_ns = CounterStatus.RESTARTED, nominal_delay_ns
+        if reading is CounterStatus.RESTARTED:
             self._restart()
             self._anchor = None
         if self._envelope is None and self._anchor is None and self.delay_ns == 0.0:
             self.delay_ns = nominal_delay_ns
         at_ns = self._unwrap.total_ms * NS_PER_MS
         point = (at_ns, arrival_ns - at_ns)
-        self._follow_path(point)
+        self._follow_delay_step(point)
         bucket = at_ns // BUCKET_NS
         if bucket != self._bucket or not self._lowest:
             self._slow_buckets = self._slow_buckets + 1 if self._is_slow_bucket() else 0
@@ -148,7 +148,7 @@ class LaserClock:
             if point[1] < self._lowest[-1][1]:
                 self._lowest[-1] = point
             level_ns = min(self._level_at(at_ns), point[1])
-        self._touch(Envelope(at_ns, level_ns, self._drift))
+        self._set_envelope(Envelope(at_ns, level_ns, self._drift))
         return reading
 
     def stamp_ns(self) -> int:
@@ -201,7 +201,7 @@ class LaserClock:
         """True if even the fastest message of the newest bucket came far above the envelope."""
         return bool(self._lowest) and self._lowest[-1][1] - self._level_at(self._lowest[-1][0]) > PATH_STEP_NS
 
-    def _follow_path(self, point: tuple[int, int]) -> None:
+    def _follow_delay_step(self, point: tuple[int, int]) -> None:
         """Take a delay that has changed for good as the delay's, before the slope of the hull takes it for drift."""
         if len(self._lowest) < PATH_BUCKETS:
             return
@@ -234,7 +234,7 @@ class LaserClock:
         assert self._envelope is not None
         return self._envelope.level_ns + self._envelope.slope * (at_ns - self._envelope.at_ns)
 
-    def _touch(self, envelope: Envelope) -> None:
+    def _set_envelope(self, envelope: Envelope) -> None:
         """Take the line of the estimated slope that touches the points from below, and tell what of it is delay."""
         before_ns = None if self._envelope is None else self._level_at(envelope.at_ns)
         self._envelope = envelope

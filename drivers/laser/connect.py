@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from drivers.events import EventLog
-from drivers.laser.conversation import Conversation
-from drivers.laser.handshake import REPLY_TIMEOUT_S, LaserFaultError, NoAnswerError, NotScipError, quieten
+from drivers.laser.client import ScipClient
+from drivers.laser.handshake import REPLY_TIMEOUT_S, LaserFaultError, NoAnswerError, NotScipError, enter_standby
 from drivers.laser.link import ByteLink, SerialLink, TcpLink
 from drivers.measurements import DriverError, LinkError, RawTap
 from drivers.scip.codec import OK
@@ -20,7 +20,7 @@ class Connection:
     """An open link and the conversation over it."""
 
     link: ByteLink
-    talk: Conversation
+    client: ScipClient
 
 
 class LaserConnector:
@@ -46,11 +46,11 @@ class LaserConnector:
     def connect(self) -> Connection:
         """An open link to a laser in standby. Raises DriverError; the link is closed then."""
         if not isinstance(self._endpoint, SerialEndpoint):
-            return self._quietened(TcpLink(self._endpoint, CONNECT_TIMEOUT_S), attempts=3)
+            return self._client_in_standby(TcpLink(self._endpoint, CONNECT_TIMEOUT_S), attempts=3)
         wanted, failure = self._endpoint, None
         for baud in self._rates(wanted):
             try:
-                connection = self._quietened(SerialLink(wanted, baud), attempts=1)
+                connection = self._client_in_standby(SerialLink(wanted, baud), attempts=1)
             except (NoAnswerError, NotScipError) as error:
                 failure = error
                 continue
@@ -61,7 +61,7 @@ class LaserConnector:
         assert failure is not None
         raise failure
 
-    def reboot(self, talk: Conversation) -> None:
+    def reboot(self, client: ScipClient) -> None:
         """RB twice; only sometimes, because a laser that boots says nothing for seconds."""
         now_ns = self._now_ns()
         interval_ns = REBOOT_INTERVAL_S * 1e9
@@ -72,14 +72,14 @@ class LaserConnector:
         self._events.add(now_ns, "reboots", "the laser reported a malfunction and is rebooted")
         try:
             for _ in range(2):
-                talk.ask(b"RB", REPLY_TIMEOUT_S)
+                client.ask(b"RB", REPLY_TIMEOUT_S)
         except LinkError:
             return  # it went down before it had answered, which is what was asked
 
     def _at_rate(self, connection: Connection, wanted: SerialEndpoint, baud: int) -> Connection:
         """The same laser at the configured rate, or as it is if it refuses that."""
         try:
-            reply = connection.talk.ask(b"SS%06d" % baud, REPLY_TIMEOUT_S)
+            reply = connection.client.ask(b"SS%06d" % baud, REPLY_TIMEOUT_S)
         except LinkError:
             connection.link.close()
             raise
@@ -89,18 +89,18 @@ class LaserConnector:
             return connection
         connection.link.close()
         self._baud = baud
-        return self._quietened(SerialLink(wanted, baud), attempts=3)
+        return self._client_in_standby(SerialLink(wanted, baud), attempts=3)
 
-    def _quietened(self, link: ByteLink, attempts: int) -> Connection:
-        talk = Conversation(link, self._tap, self._now_ns, self._is_closing)
+    def _client_in_standby(self, link: ByteLink, attempts: int) -> Connection:
+        client = ScipClient(link, self._tap, self._now_ns, self._is_closing)
         try:
-            quieten(talk, self._settings, attempts)
+            enter_standby(client, self._settings, attempts)
         except DriverError as error:
             if isinstance(error, LaserFaultError):
-                self.reboot(talk)
+                self.reboot(client)
             link.close()
             raise
-        return Connection(link, talk)
+        return Connection(link, client)
 
     def _rates(self, wanted: SerialEndpoint) -> Iterator[int]:
         """Baud rates in the order in which the laser is likely to answer."""

@@ -4,10 +4,10 @@ specification's start-up wants it; every step may find a stream that still runs 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from drivers.laser.conversation import QUIET_S, Conversation
+from drivers.laser.client import QUIET_S, ScipClient
 from drivers.measurements import DeviceError, LinkError, ProtocolError
 from drivers.scip.codec import OK, ScipError, StatusError, is_fault, parse_key_values, parse_time
-from drivers.scip.model import Parameters, is_booting, parse_parameters, trouble_in
+from drivers.scip.model import Parameters, is_booting, parse_parameters, reports_fault
 from drivers.settings.laser import LaserSettings
 
 REPLY_TIMEOUT_S = 0.5  # s until a command counts as not answered
@@ -38,61 +38,61 @@ class Device:
     state: dict[str, str]
 
 
-def quieten(talk: Conversation, settings: LaserSettings, attempts: int, drain_first: bool = True) -> None:
+def enter_standby(client: ScipClient, settings: LaserSettings, attempts: int, drain_first: bool = True) -> None:
     """Bring the laser to standby in SCIP 2.0, whatever it was doing.
 
     drain_first: wait until the line is quiet; not needed where the conversation has been in step before.
 
     Raises NoAnswerError, NotScipError, LaserFaultError, LinkError.
     """
-    before = talk.received_bytes
+    before = client.received_bytes
     for attempt in range(attempts):
-        talk.send(b"")  # ends a command that was left half
+        client.send(b"")  # ends a command that was left half
         if drain_first or attempt:
-            talk.drain(DRAIN_S)
-        reply = talk.ask(b"QT", REPLY_TIMEOUT_S)
+            client.drain(DRAIN_S)
+        reply = client.ask(b"QT", REPLY_TIMEOUT_S)
         if reply is None:
             continue
         if reply.legacy:
-            talk.ask(b"SCIP2.0", REPLY_TIMEOUT_S)
-            reply = talk.ask(b"QT", REPLY_TIMEOUT_S)
+            client.ask(b"SCIP2.0", REPLY_TIMEOUT_S)
+            reply = client.ask(b"QT", REPLY_TIMEOUT_S)
         elif reply.status in ("0E", "10"):
-            talk.ask(b"TM2", REPLY_TIMEOUT_S)  # it may be in its time adjustment, where QT is refused
-            reply = talk.ask(b"QT", REPLY_TIMEOUT_S)
+            client.ask(b"TM2", REPLY_TIMEOUT_S)  # it may be in its time adjustment, where QT is refused
+            reply = client.ask(b"QT", REPLY_TIMEOUT_S)
         if reply is not None and reply.status == OK:
             return
         if reply is not None and is_fault(reply.status):
             raise LaserFaultError(f"the laser reports a malfunction (status {reply.status}); it needs a reboot")
-    if talk.received_bytes == before:
+    if client.received_bytes == before:
         raise NoAnswerError(f"{settings.url} is open but silent; check that it is the laser, its power and baud rate")
-    first = talk.last_bytes[:16]
+    first = client.last_bytes[:16]
     raise NotScipError(f"{settings.url} answers with {first!r}, which is not SCIP; check port and baud rate")
 
 
-def describe(talk: Conversation, settings: LaserSettings) -> Device:
+def describe(client: ScipClient, settings: LaserSettings) -> Device:
     """Ask a quiet laser for VV, PP and II.
 
     Raises ProtocolError for a description that cannot be used, DeviceError for a laser that is not well or not ready.
     """
-    parameters = parse_parameters(_key_values(talk, b"PP", settings))
-    version = _optional(talk, b"VV", settings)
-    state = _optional(talk, b"II", settings)
+    parameters = parse_parameters(_key_values(client, b"PP", settings))
+    version = _optional(client, b"VV", settings)
+    state = _optional(client, b"II", settings)
     if is_booting(state.get("MESM", "")):
         raise DeviceError("the laser is still booting; waiting for it")
-    if trouble_in(state.get("STAT", "")):
+    if reports_fault(state.get("STAT", "")):
         raise LaserFaultError(f"the laser reports {state['STAT']!r}; it needs a reboot")
     return Device(parameters, version, state)
 
 
-def adjust_time(talk: Conversation, now_ns: Callable[[], int]) -> list[tuple[int, int, int]]:
+def adjust_time(client: ScipClient, now_ns: Callable[[], int]) -> list[tuple[int, int, int]]:
     """Answers to TM1 as (host ns before, host ns after, counter ms); empty where the laser has no such mode."""
-    reply = talk.ask(b"TM0", REPLY_TIMEOUT_S)
+    reply = client.ask(b"TM0", REPLY_TIMEOUT_S)
     answers: list[tuple[int, int, int]] = []
     if reply is not None and reply.status in (OK, "02"):
         until_ns = now_ns() + round(TIME_SYNC_S * 1e9)
         for _ in range(TIME_SYNC_SAMPLES):
             before_ns = now_ns()
-            reply = talk.ask(b"TM1", REPLY_TIMEOUT_S)
+            reply = client.ask(b"TM1", REPLY_TIMEOUT_S)
             after_ns = now_ns()
             if reply is None or reply.status != OK or not reply.lines or after_ns > until_ns:
                 break
@@ -100,15 +100,15 @@ def adjust_time(talk: Conversation, now_ns: Callable[[], int]) -> list[tuple[int
                 answers.append((before_ns, after_ns, parse_time(reply.lines[0])))
             except ScipError:
                 continue  # one damaged answer of many
-    talk.ask(b"TM2", REPLY_TIMEOUT_S)
+    client.ask(b"TM2", REPLY_TIMEOUT_S)
     return answers
 
 
-def _key_values(talk: Conversation, command: bytes, settings: LaserSettings) -> dict[str, str]:
+def _key_values(client: ScipClient, command: bytes, settings: LaserSettings) -> dict[str, str]:
     for _ in range(ATTEMPTS):
-        reply = talk.ask(command, REPLY_TIMEOUT_S)
+        reply = client.ask(command, REPLY_TIMEOUT_S)
         if reply is None:
-            talk.drain(QUIET_S)
+            client.drain(QUIET_S)
             continue
         if reply.status != OK:
             raise StatusError(command.decode(), reply.status)
@@ -119,8 +119,8 @@ def _key_values(talk: Conversation, command: bytes, settings: LaserSettings) -> 
     raise NoAnswerError(f"{settings.url} does not answer {command.decode()} in a form that can be read")
 
 
-def _optional(talk: Conversation, command: bytes, settings: LaserSettings) -> dict[str, str]:
+def _optional(client: ScipClient, command: bytes, settings: LaserSettings) -> dict[str, str]:
     try:
-        return _key_values(talk, command, settings)
+        return _key_values(client, command, settings)
     except StatusError:
         return {}

@@ -11,10 +11,10 @@ from collections.abc import Callable
 
 from drivers.events import EventLog
 from drivers.laser.around_errors import AroundErrors
+from drivers.laser.client import ScipClient
 from drivers.laser.clock import LaserClock
 from drivers.laser.connect import LaserConnector
-from drivers.laser.conversation import Conversation
-from drivers.laser.counter import Reading
+from drivers.laser.counter import CounterStatus
 from drivers.laser.handshake import (
     REPLY_TIMEOUT_S,
     Device,
@@ -23,7 +23,7 @@ from drivers.laser.handshake import (
     NotScipError,
     adjust_time,
     describe,
-    quieten,
+    enter_standby,
 )
 from drivers.laser.request import scan_request
 from drivers.laser.scans import ScanAssembly
@@ -82,7 +82,7 @@ class Hokuyo:
         self._assembly: ScanAssembly | None = None
         self._device: Device | None = None
         self._fault = ""
-        self._told: dict[str, str] = {}  # what was told once, by kind
+        self._advice: dict[str, str] = {}  # what was reported once, by kind
 
     def start(self) -> None:
         """Begin to connect, in a thread of its own."""
@@ -136,10 +136,10 @@ class Hokuyo:
         if device is not None:
             facts["model"] = device.parameters.model
             names = {"FIRM": "firmware", "SERI": "serial_number", "PROT": "protocol", "STAT": "state", "MESM": "mode"}
-            told = device.version | device.state
-            facts |= {name: told[key] for key, name in names.items() if key in told}
-        if self._told:
-            facts["advice"] = "; ".join(self._told.values())
+            reported = device.version | device.state
+            facts |= {name: reported[key] for key, name in names.items() if key in reported}
+        if self._advice:
+            facts["advice"] = "; ".join(self._advice.values())
         return facts
 
     def _run(self) -> None:
@@ -148,7 +148,7 @@ class Hokuyo:
         while not self._thread.is_stopping():
             before_ns = self._last_scan_ns
             try:
-                self._serve()
+                self._connect_and_run()
             except DriverError as error:
                 if self._thread.was_stopped:
                     break
@@ -177,46 +177,46 @@ class Hokuyo:
         severity = Severity.ERROR if self._fault else Severity.WARN
         self._events.add(self._now_ns(), kind, str(error), severity)
 
-    def _serve(self) -> None:
+    def _connect_and_run(self) -> None:
         """One connection, from opening to whatever ends it. Raises DriverError."""
         connection = self._connector.connect()
         try:
-            self._converse(connection.talk)
+            self._run_session(connection.client)
         except LaserFaultError:
-            self._connector.reboot(connection.talk)
+            self._connector.reboot(connection.client)
             raise
         finally:
             if self._thread.was_stopped:
-                connection.talk.send(b"QT")  # laser and motor need not run for nobody
+                connection.client.send(b"QT")  # laser and motor need not run for nobody
             connection.link.close()
 
-    def _converse(self, talk: Conversation) -> None:
+    def _run_session(self, client: ScipClient) -> None:
         """Describe, adjust the clock, stream; a stream without a scan ends the connection. Raises DriverError."""
-        device = describe(talk, self._settings)
+        device = describe(client, self._settings)
         self._device = device
-        self._welcome(device)
+        self._note_connection(device)
         request, warnings = scan_request(self._settings, device.parameters)
         for kind, warning in warnings.items():
-            self._tell_once(kind, warning, Severity.WARN)
+            self._advise_once(kind, warning, Severity.WARN)
         assembly = ScanAssembly(
             self._settings, device.parameters, request, self._clock, self._events, self._range_codes
         )
         if self._assembly is not None:
-            assembly.follow(self._assembly)
+            assembly.continue_from(self._assembly)
         self._assembly = assembly
         while True:
             if self._settings.time_sync:
-                self._adjust(talk, assembly)
-            self._request_stream(talk, request)
+                self._adjust(client, assembly)
+            self._request_stream(client, request)
             began_ns = self._now_ns()
-            self._stream(talk, assembly)
+            self._stream(client, assembly)
             if self._last_scan_ns is None or self._last_scan_ns < began_ns:
                 raise LinkError("the laser sends no scan that can be used, even when asked again")
             self._events.count("stream_restarts")
-            quieten(talk, self._settings, attempts=1, drain_first=False)
+            enter_standby(client, self._settings, attempts=1, drain_first=False)
 
-    def _request_stream(self, talk: Conversation, request: ScanRequest) -> None:
-        reply = talk.ask(request.encode(), REPLY_TIMEOUT_S)
+    def _request_stream(self, client: ScipClient, request: ScanRequest) -> None:
+        reply = client.ask(request.encode(), REPLY_TIMEOUT_S)
         if reply is None:
             raise NoAnswerError(f"{self._settings.url} does not answer {request.command}")
         if is_fault(reply.status):
@@ -224,26 +224,26 @@ class Hokuyo:
         if reply.status not in (OK, DATA):
             raise StatusError(request.command, reply.status, "see laser.command and laser.cluster")
 
-    def _adjust(self, talk: Conversation, assembly: ScanAssembly) -> None:
-        answers = adjust_time(talk, self._now_ns)
+    def _adjust(self, client: ScipClient, assembly: ScanAssembly) -> None:
+        answers = adjust_time(client, self._now_ns)
         reading = self._clock.synchronise(answers, assembly.nominal_delay_ns)
-        if reading is Reading.RESTARTED:
+        if reading is CounterStatus.RESTARTED:
             self._events.add(self._now_ns(), "clock_restarts", "the laser's clock began anew")
         if not answers:
             text = "the laser does not tell its clock (TM); stamps rest on the delay that its model should have"
-            self._tell_once("no_time_sync", text, Severity.INFO)
+            self._advise_once("no_time_sync", text, Severity.INFO)
 
-    def _stream(self, talk: Conversation, assembly: ScanAssembly) -> None:
+    def _stream(self, client: ScipClient, assembly: ScanAssembly) -> None:
         """Hand out scans until none comes for too long, or the stream has to be asked for again. Raises DriverError."""
         silence_ns = round(max(SILENCE_S, SILENT_PERIODS * assembly.period_s) * 1e9)
         alive_ns = self._now_ns()
-        bytes_before = talk.received_bytes
+        bytes_before = client.received_bytes
         while not self._thread.is_stopping():
             waited_ns = self._now_ns() - alive_ns
             if waited_ns >= silence_ns:
-                self._note_silence(talk.received_bytes > bytes_before, silence_ns)
+                self._note_silence(client.received_bytes > bytes_before, silence_ns)
                 return
-            for raw in talk.receive(min(WAIT_S, (silence_ns - waited_ns) * 1e-9)):
+            for raw in client.receive(min(WAIT_S, (silence_ns - waited_ns) * 1e-9)):
                 try:
                     scan = assembly.take(raw)
                 except ScanSizeError:
@@ -254,7 +254,7 @@ class Hokuyo:
                     raise
                 if scan is not None:
                     self._hand_out(scan, raw.stamp_ns)
-                    alive_ns, bytes_before = raw.stamp_ns, talk.received_bytes
+                    alive_ns, bytes_before = raw.stamp_ns, client.received_bytes
             if assembly.clock_restarted:
                 assembly.clock_restarted = False
                 return
@@ -274,17 +274,17 @@ class Hokuyo:
         if superseded is not None:
             self._events.count("superseded_scans")
 
-    def _welcome(self, device: Device) -> None:
+    def _note_connection(self, device: Device) -> None:
         model = device.parameters.model
         product = device.version.get("PROD", "")
         if not any(known in model or known in product for known in KNOWN_MODELS):
             text = f"laser model {model!r} is not known; working from what it says of itself"
-            self._tell_once("unknown_model", text, Severity.WARN)
+            self._advise_once("unknown_model", text, Severity.WARN)
         firmware = device.version.get("FIRM", "unknown")
         self._events.add(self._now_ns(), "connections", f"laser {model}, firmware {firmware}, found", Severity.INFO)
         self._events.trouble = ""
 
-    def _tell_once(self, kind: str, text: str, severity: Severity) -> None:
-        if kind not in self._told:
-            self._told[kind] = text
+    def _advise_once(self, kind: str, text: str, severity: Severity) -> None:
+        if kind not in self._advice:
+            self._advice[kind] = text
             self._events.add(self._now_ns(), kind, text, severity)

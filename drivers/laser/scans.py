@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.events import EventLog
 from drivers.laser.clock import LaserClock
-from drivers.laser.counter import Reading
+from drivers.laser.counter import CounterStatus
 from drivers.measurements import FloatArray, RangeArray, Scan, uniform_bearings
 from drivers.scip.codec import OK, ChecksumError, FramingError, ScanSizeError, StatusError, is_transient
 from drivers.scip.commands import ScanRequest
@@ -80,7 +80,7 @@ class ScanAssembly:
         """From the stamp of a scan to its arrival, where nothing better is known."""
         return self._nominal_delay_ns
 
-    def follow(self, before: "ScanAssembly") -> None:
+    def continue_from(self, before: "ScanAssembly") -> None:
         """Keep what outlives a connection: the newest stamp, and the ranges that a frozen sensor would repeat."""
         self.last_stamp_ns = before.last_stamp_ns
         self._last_codes, self._repeats = before._last_codes, before._repeats
@@ -128,10 +128,10 @@ class ScanAssembly:
 
     def _assemble(self, arrival_ns: int, data: ScanData) -> Scan | None:
         reading = self._clock.observe(data.counter_ms, arrival_ns, self._nominal_delay_ns)
-        if reading is Reading.STALE:
+        if reading is CounterStatus.STALE:
             self._events.add(arrival_ns, "stale_stamp", "scan dropped: its stamp is the one before's")
             return None
-        if reading is Reading.RESTARTED:
+        if reading is CounterStatus.RESTARTED:
             self.clock_restarted = True
             self._events.add(arrival_ns, "clock_restarts", "the laser's clock began anew")
         if self._is_frozen(arrival_ns, data.codes):
@@ -148,7 +148,7 @@ class ScanAssembly:
         if self.last_stamp_ns is not None and stamp_ns <= self.last_stamp_ns:
             self._events.add(arrival_ns, "out_of_order", "scan dropped: older than the one before")
             return None
-        self._watch_rate(arrival_ns, stamp_ns)
+        self._check_rate(arrival_ns, stamp_ns)
         self.last_stamp_ns = stamp_ns
         ranges_m = self._ranges(data.codes)
         range_max_m = self._range_max_mm / 1000.0
@@ -181,7 +181,7 @@ class ScanAssembly:
         self._events.add(arrival_ns, "frozen_scans", text)
         return True
 
-    def _watch_rate(self, arrival_ns: int, stamp_ns: int) -> None:
+    def _check_rate(self, arrival_ns: int, stamp_ns: int) -> None:
         """Scans that are missing by their stamps, and a rate that is too low for long."""
         if self.last_stamp_ns is not None:
             missed = round((stamp_ns - self.last_stamp_ns) * 1e-9 / self.period_s) - 1

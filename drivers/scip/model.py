@@ -98,7 +98,7 @@ STATES_WITHOUT_TROUBLE = (
 WORDS_OF_TROUBLE = ("error", "abnormal", "malfunction", "trouble", "fail")
 
 
-def trouble_in(state: str) -> bool:
+def reports_fault(state: str) -> bool:
     """True if STAT of II names a fault; a wording nobody has seen is not one, or an unknown model would never run."""
     text = state.lower()
     return not any(good in text for good in STATES_WITHOUT_TROUBLE) and any(bad in text for bad in WORDS_OF_TROUBLE)

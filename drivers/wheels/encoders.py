@@ -22,7 +22,7 @@ from drivers.measurements import (
 )
 from drivers.settings.encoders import EncoderSettings
 from drivers.stoppable_thread import StoppableThread
-from drivers.wheels.layouts.choose import wheel_frames
+from drivers.wheels.layouts.choose import wheel_decoder
 from drivers.wheels.pair import WheelPair
 from drivers.wheels.speed import DEGRADED_PERIODS
 
@@ -40,7 +40,7 @@ LATE = "frames waited before they were read; the counts stay right, but the proc
 CLOCK_JUMP = "the system clock has jumped; ages and stamps are of the monotonic clock and stay right"
 RATE_WINDOW_NS = 2_000_000_000
 LATE_NS = 150_000_000  # a frame that was read so long after its arrival tells of a reader that was held up
-LOOK_NS = 200_000_000  # how often the kernel is asked what it threw away
+OVERFLOW_CHECK_NS = 200_000_000  # how often the kernel is asked what it threw away
 
 
 class CanEncoders:
@@ -61,7 +61,7 @@ class CanEncoders:
         self._now_ns = now_ns
         self._tap = tap
         self._events = EventLog("encoders")
-        self._frames = wheel_frames(settings)
+        self._frames = wheel_decoder(settings)
         self._pair = WheelPair(settings, self._frames, self._events)
         self._errors = ErrorFrames()
         self._lock = threading.Lock()
@@ -172,7 +172,7 @@ class CanEncoders:
     def _read(self, bus: CanBus, silence_s: float) -> bool:
         """Feed frames until the bus is to be opened anew; returns whether any frame was heard."""
         heard, errors, jumps = False, 0, bus.clock_jumps
-        last_ns = looked_ns = self._now_ns()
+        last_ns = checked_ns = self._now_ns()
         overflowed = 0
         self._wake_up(bus)
         while not self._thread.is_stopping():
@@ -186,10 +186,10 @@ class CanEncoders:
                 self._thread.wait(WAIT_S)  # the same socket works again when the interface is up
                 continue
             now_ns = self._now_ns()
-            if now_ns - looked_ns > LOOK_NS:
-                looked_ns, before, overflowed = now_ns, overflowed, bus.overflowed
+            if now_ns - checked_ns > OVERFLOW_CHECK_NS:
+                checked_ns, before, overflowed = now_ns, overflowed, bus.overflowed
                 if overflowed > before:
-                    self._tell("overflow", overflowed - before, OVERFLOW)
+                    self._report("overflow", overflowed - before, OVERFLOW)
             if frame is None:
                 with self._lock:
                     self._pair.check(now_ns)
@@ -198,27 +198,27 @@ class CanEncoders:
                     return heard
                 continue
             heard, errors, last_ns = True, 0, now_ns
-            self._take(bus, frame)
+            self._handle_frame(bus, frame)
             if now_ns - frame.stamp_ns > LATE_NS:
-                self._tell("late", 1, LATE)
+                self._report("late", 1, LATE)
             if bus.clock_jumps != jumps:
                 jumps = bus.clock_jumps
-                self._tell("clock_jump", 1, CLOCK_JUMP, Severity.INFO)
+                self._report("clock_jump", 1, CLOCK_JUMP, Severity.INFO)
         return heard
 
-    def _tell(self, kind: str, count: int, text: str, severity: Severity = Severity.WARN) -> None:
+    def _report(self, kind: str, count: int, text: str, severity: Severity = Severity.WARN) -> None:
         """Count and tell what is no failure of the link."""
         with self._lock:
             self._events.add(self._now_ns(), kind, text, severity, amount=count)
 
-    def _take(self, bus: CanBus, frame: CanFrame) -> None:
+    def _handle_frame(self, bus: CanBus, frame: CanFrame) -> None:
         """One frame: recorded first, then judged."""
         if self._tap is not None:
             self._tap.can_frame(*frame[:2], frame.flags, frame.data)
         with self._lock:
             self._link_trouble = ""
             if frame.flags & ERROR:
-                self._take_error(frame)
+                self._handle_error_frame(frame)
                 return
             good = self._pair.good_frames
             self._pair.feed(frame)
@@ -229,7 +229,7 @@ class CanEncoders:
         if wanted:
             self._wake_up(bus)
 
-    def _take_error(self, frame: CanFrame) -> None:
+    def _handle_error_frame(self, frame: CanFrame) -> None:
         before = self._errors.condition
         names = self._errors.error(frame.arbitration_id, frame.data)
         for name in names:

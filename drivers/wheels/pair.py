@@ -9,7 +9,7 @@ from drivers.canbus.frame import CanFrame
 from drivers.events import EventLog
 from drivers.measurements import WheelCounts
 from drivers.settings.encoders import EncoderSettings
-from drivers.wheels.readings import NodeAlarm, NodeInfo, NodeState, Refused, Wheel, WheelFrames, WheelReading
+from drivers.wheels.readings import NodeAlarm, NodeInfo, NodeState, Refused, Wheel, WheelDecoder, WheelReading
 from drivers.wheels.state import WheelState
 
 INVALID_EVERY_NS = 100_000_000
@@ -18,7 +18,7 @@ INVALID_EVERY_NS = 100_000_000
 class WheelPair:
     """Fold frames with `feed`, let time pass with `check`, fetch samples with `take`."""
 
-    def __init__(self, settings: EncoderSettings, frames: WheelFrames, events: EventLog | None = None) -> None:
+    def __init__(self, settings: EncoderSettings, frames: WheelDecoder, events: EventLog | None = None) -> None:
         self.events = events if events is not None else EventLog("encoders")
         self.left = WheelState(Wheel.LEFT, settings, settings.left, frames, self.events)
         self.right = WheelState(Wheel.RIGHT, settings, settings.right, frames, self.events)

@@ -1,6 +1,6 @@
 """CAN frames to wheel readings and back; no bus, no thread, no clock.
 
-The layouts (DBC, CiA 406, presets) are in wheel_layouts.py; here is what they all come down to: a table from
+The layouts (DBC, CiA 406, presets) are in layouts/; here is what they all come down to: a table from
 arbitration id to the messages that matter.
 """
 
@@ -80,7 +80,7 @@ class Route:
     decode: Decoder
 
 
-class WheelFrames:
+class WheelDecoder:
     """Decoder for all ids of a layout.
 
     modulus: counts after which each wheel's position wraps, 0 for never (turns in floating point).

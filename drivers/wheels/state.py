@@ -6,7 +6,7 @@ from drivers.settings.encoders import EncoderSettings, WheelSettings
 from drivers.wheels.counter import WheelCounter
 from drivers.wheels.history import WheelHistory
 from drivers.wheels.leaky_bucket import LeakyBucket
-from drivers.wheels.readings import NodeInfo, Wheel, WheelFrames
+from drivers.wheels.readings import NodeInfo, Wheel, WheelDecoder
 from drivers.wheels.speed import SpeedIntegrator
 
 SILENT_PERIODS = 10.0  # silence after which the samples are invalid
@@ -42,7 +42,7 @@ class WheelState:
         wheel: Wheel,
         settings: EncoderSettings,
         own: WheelSettings,
-        frames: WheelFrames,
+        frames: WheelDecoder,
         events: EventLog,
     ) -> None:
         self.wheel = wheel

@@ -3,7 +3,7 @@
 import can
 
 from drivers.measurements import DriverError
-from drivers.wheels.layouts.choose import wheel_frames
+from drivers.wheels.layouts.choose import wheel_decoder
 from runtime.errors import ConfigurationError
 from runtime.settings.configuration import Configuration
 
@@ -22,7 +22,7 @@ def validate_for_live_run(configuration: Configuration, source: str) -> None:
         known = ", ".join(sorted(can.VALID_INTERFACES))
         raise ConfigurationError(f"{source}: encoders.bus.interface = {interface!r}: expected one of {known}")
     try:
-        wheel_frames(configuration.encoders)
+        wheel_decoder(configuration.encoders)
     except DriverError as error:
         raise ConfigurationError(f"{source}: encoders.layout: {error}") from error
     if configuration.publish.enabled and configuration.publish.config_file is not None:

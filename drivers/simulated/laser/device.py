@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from drivers.scip.scan import CodeArray
 from drivers.settings.simulated_laser import FaultKind, LaserFault, SimulatedLaserSettings
-from drivers.simulated.laser.damage import Damage, Faults
-from drivers.simulated.laser.faults import FaultBoard, as_fault
+from drivers.simulated.laser.fault_injector import FaultInjector, Faults
+from drivers.simulated.laser.faults import FaultSchedule, as_fault
 from drivers.simulated.laser.motor import LaserMotor
 from drivers.simulated.laser.ports import PtyPort, TcpPort, Wire
 from drivers.simulated.laser.profiles import LaserProfile, profile_of
@@ -45,8 +45,8 @@ class LaserDevice:
         self._now_ns = now_ns
         self._tcp = TcpPort(settings.host, settings.port)
         self._pty = PtyPort(settings.pty) if settings.pty is not None else None
-        self._board = FaultBoard()
-        self._damage = Damage(np.random.default_rng(settings.seed))
+        self._schedule = FaultSchedule()
+        self._injector = FaultInjector(np.random.default_rng(settings.seed))
         self._orders: deque[Order] = deque()
         self._selector = selectors.DefaultSelector()
         self._wake_read, self._wake_write = os.pipe()
@@ -92,7 +92,7 @@ class LaserDevice:
         asked = self._protocol.request is not None and self._streaming is not None
         return self._motor.sweep_end_ns(self._due) if asked else None
 
-    def nudge(self) -> None:
+    def recheck_clock(self) -> None:
         """Look at the clock again at once: it has leapt."""
         self._wake()
 
@@ -102,17 +102,17 @@ class LaserDevice:
         self._selector.register(self._wake_read, selectors.EVENT_READ, self._drain_wake)
         self._plug_in()
         for fault in self._settings.faults:
-            self._board.add(fault, self._now_ns())
+            self._schedule.add(fault, self._now_ns())
         self._thread.start()
 
     def inject(self, fault: LaserFault | Mapping[str, Any]) -> None:
         """Let something go wrong. Raises pydantic.ValidationError for a fault that does not exist."""
         known = as_fault(fault)
-        self._order(lambda now_ns: self._board.add(known, now_ns))
+        self._order(lambda now_ns: self._schedule.add(known, now_ns))
 
     def clear(self) -> None:
         """End all faults."""
-        self._order(lambda _: self._board.clear())
+        self._order(lambda _: self._schedule.clear())
 
     def close(self) -> None:
         """Stop, and release ports and thread."""
@@ -140,16 +140,16 @@ class LaserDevice:
     def _run(self) -> None:
         while not self._closing:
             now_ns = self._now_ns()
-            self._faults = self._board.now(now_ns)
-            self._follow_power(self._faults, now_ns)
-            self._turn(self._faults, now_ns)
-            self._damage.deliver(now_ns)
-            self._watch()
+            self._faults = self._schedule.now(now_ns)
+            self._apply_power(self._faults, now_ns)
+            self._stream_sweeps(self._faults, now_ns)
+            self._injector.deliver(now_ns)
+            self._watch_for_write()
             for key, _ in self._selector.select(self._waiting_s(self._now_ns())):
                 key.data(self._now_ns())
 
-    def _watch(self) -> None:
-        """Be told when a client that is behind takes more."""
+    def _watch_for_write(self) -> None:
+        """Wait for room to write as well where a client is behind."""
         for wire in (self._tcp.wire, self._pty.wire if self._pty is not None else None):
             if wire is not None:
                 key = self._selector.get_key(wire.descriptor)
@@ -158,7 +158,7 @@ class LaserDevice:
                     self._selector.modify(wire.descriptor, events, key.data)
 
     def _waiting_s(self, now_ns: int) -> float:
-        times = [self._board.next_change_ns(now_ns), self._restart_ns, self._damage.next_ns]
+        times = [self._schedule.next_change_ns(now_ns), self._restart_ns, self._injector.next_ns]
         if self._protocol.request is not None and self._streaming is not None:
             end_ns = self._motor.sweep_end_ns(self._due)
             times.append(end_ns if self._prepared is not None else end_ns - PREPARE_NS)
@@ -171,7 +171,7 @@ class LaserDevice:
         self._protocol = LaserProtocol(self._profile, self._motor, self._latest_sweep)
         self._streaming, self._prepared = None, None
 
-    def _follow_power(self, faults: Faults, now_ns: int) -> None:
+    def _apply_power(self, faults: Faults, now_ns: int) -> None:
         """Ports and clock after power, cable and reboots."""
         boot_ns = round(self._settings.boot_s * 1e9)
         if FaultKind.OFF in faults:
@@ -183,7 +183,7 @@ class LaserDevice:
             self._powered, self._restart_ns = True, now_ns + boot_ns
         elif self._protocol.rebooting and self._restart_ns is None:
             self._restart_ns = now_ns + boot_ns + round(self._settings.reboot_disconnect_s * 1e9)
-            self._board.remove(FaultKind.STATUS)
+            self._schedule.remove(FaultKind.STATUS)
         if self._restart_ns is not None:
             if self._listening and now_ns >= self._restart_ns - boot_ns:
                 self._unplug(reset=False)
@@ -221,26 +221,28 @@ class LaserDevice:
         self._listening = False
 
     def _register(self, wire: Wire) -> None:
-        self._selector.register(wire.descriptor, selectors.EVENT_READ, lambda now_ns: self._converse(wire, now_ns))
+        self._selector.register(
+            wire.descriptor, selectors.EVENT_READ, lambda now_ns: self._answer_commands(wire, now_ns)
+        )
 
     def _forget(self, wire: Wire | None) -> None:
         """A client is gone: its descriptor, its stream and what was on its way to it."""
         if wire is None:
             return
         self._selector.unregister(wire.descriptor)
-        self._damage.forget(wire)
+        self._injector.forget(wire)
         if self._streaming in (wire, None):
             self._protocol.disconnect()
             self._streaming = None
 
     def _accept(self, now_ns: int) -> None:
         if self._tcp.wire is not None:
-            self._converse(self._tcp.wire, now_ns)  # it may have gone without having been noticed
+            self._answer_commands(self._tcp.wire, now_ns)  # it may have gone without having been noticed
         wire = self._tcp.accept()
         if wire is not None:
             self._register(wire)
 
-    def _converse(self, wire: Wire, now_ns: int) -> None:
+    def _answer_commands(self, wire: Wire, now_ns: int) -> None:
         """Answer the commands that have come over one port."""
         wire.flush()
         lines = wire.commands()
@@ -250,24 +252,24 @@ class LaserDevice:
                 self._tcp.hang_up()
             return
         for line in lines:
-            if not self._hears(wire):
-                self._damage.send_noise(wire)
+            if not self._is_at_baud(wire):
+                self._injector.send_noise(wire)
                 continue
             before = self._protocol.request
             reply = self._protocol.reply(line, now_ns)
             if reply:
-                self._damage.send(wire, reply, self._faults, now_ns)
+                self._injector.send(wire, reply, self._faults, now_ns)
             if self._protocol.request is not None and self._protocol.request is not before:
                 self._streaming, self._prepared = wire, None
                 self._due = self._motor.next_start(now_ns)  # the laser has just gone on
 
-    def _hears(self, wire: Wire) -> bool:
+    def _is_at_baud(self, wire: Wire) -> bool:
         """False on a serial line at another rate than the sensor's."""
         if self._pty is None or wire is not self._pty.wire or not self._profile.bauds:
             return True
         return self._pty.baud in (None, self._protocol.baud)
 
-    def _turn(self, faults: Faults, now_ns: int) -> None:
+    def _stream_sweeps(self, faults: Faults, now_ns: int) -> None:
         """Prepare the sweep that is about to end, and send it when it has."""
         request, wire = self._protocol.request, self._streaming
         if request is None or wire is None:
@@ -278,8 +280,8 @@ class LaserDevice:
             self._prepared = (self._due, self._codes(self._due))
         if self._prepared is None or now_ns < end_ns:
             return
-        sweep = self._damage.sweep(Sweep(self._motor.sweep_counter_ms(self._due), self._prepared[1]), faults)
-        self._damage.send_scan(wire, self._protocol, sweep, faults, now_ns)
+        sweep = self._injector.sweep(Sweep(self._motor.sweep_counter_ms(self._due), self._prepared[1]), faults)
+        self._injector.send_scan(wire, self._protocol, sweep, faults, now_ns)
         slow = faults.get(FaultKind.SLOW)
         stride = (request.interval + 1) * (slow.keep_every if slow is not None else 1)
         # after a stall of this program the sweeps in between are lost, as they are when a sensor's buffer overflows

@@ -10,7 +10,7 @@ ONCE = (FaultKind.POWER_CYCLE, FaultKind.CLOCK_RESET)  # they happen, and are ov
 
 
 @dataclass(frozen=True, slots=True)
-class ActiveFault:
+class ScheduledFault:
     """A fault with its times on the host's clock; until_ns None: until cleared."""
 
     fault: LaserFault
@@ -22,17 +22,17 @@ class ActiveFault:
         return self.since_ns <= now_ns and (self.until_ns is None or now_ns < self.until_ns)
 
 
-class FaultBoard:
+class FaultSchedule:
     """Faults that were asked for; used by one thread."""
 
     def __init__(self) -> None:
-        self._faults: list[ActiveFault] = []
+        self._faults: list[ScheduledFault] = []
 
     def add(self, fault: LaserFault, now_ns: int) -> None:
         """From now + start_s on, for its duration."""
         since_ns = now_ns + round(fault.start_s * 1e9)
         until_ns = None if fault.duration_s is None else since_ns + round(fault.duration_s * 1e9)
-        self._faults.append(ActiveFault(fault, since_ns, until_ns))
+        self._faults.append(ScheduledFault(fault, since_ns, until_ns))
 
     def clear(self) -> None:
         """All faults are over, and those still to come do not come."""

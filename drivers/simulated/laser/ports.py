@@ -142,7 +142,7 @@ class PtyPort:
 
     @property
     def baud(self) -> int | None:
-        """Rate that the client has set; None for one that cannot be told."""
+        """Rate that the client has set; None for one that termios does not name."""
         assert self._descriptors is not None
         return RATES.get(termios.tcgetattr(self._descriptors[0])[4])
 

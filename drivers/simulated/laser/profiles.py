@@ -20,7 +20,7 @@ class LaserProfile:
     """One model.
 
     codes: what is sent for nothing in range, something too near, and a beam that could not be measured.
-    starts_in_scip1: speaks SCIP 1.1 until told otherwise. bauds: rates that SS can choose, none on USB or Ethernet.
+    starts_in_scip1: speaks SCIP 1.1 until SCIP2.0 is sent. bauds: rates that SS can choose, none on USB or Ethernet.
     idle, single, multi, healthy: wording of MESM and STAT.
     """
 

@@ -54,7 +54,7 @@ class LaserProtocol:
         self._profile = profile
         self._motor = motor
         self._latest_sweep = latest_sweep
-        self._reboot_asked_ns: int | None = None
+        self._reboot_requested_ns: int | None = None
         self._high_sensitivity = False
         self._slowdown = 0
         self.state = State.STANDBY
@@ -101,8 +101,8 @@ class LaserProtocol:
         request = self.request
         if request.count:
             self.remaining -= 1
-        told = replace(request, last_step=request.last_step - missing_steps)
-        message = encode_scan(request.echo(self.remaining), DATA, sweep.counter_ms, self._characters(told, sweep))
+        sent = replace(request, last_step=request.last_step - missing_steps)
+        message = encode_scan(request.echo(self.remaining), DATA, sweep.counter_ms, self._characters(sent, sweep))
         if request.count and self.remaining == 0:
             self._rest()
         return message
@@ -273,7 +273,7 @@ class LaserProtocol:
         return scan_characters(request, np.ascontiguousarray(codes), self._profile.parameters.range_min_mm)
 
     def _reboot(self, now_ns: int) -> str:
-        asked_ns, self._reboot_asked_ns = self._reboot_asked_ns, now_ns
+        asked_ns, self._reboot_requested_ns = self._reboot_requested_ns, now_ns
         if asked_ns is None or now_ns - asked_ns > REBOOT_WITHIN_NS:
             return "01"
         self._rest()

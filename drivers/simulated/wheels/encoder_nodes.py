@@ -11,7 +11,7 @@ from cantools.database.can import Message
 from drivers.canbus.frame import CanFrame
 from drivers.settings.layouts import DbcLayout
 from drivers.settings.simulated_wheels import SimulatedWheelSettings, WheelFault
-from drivers.simulated.wheels.faults import ActiveFault, disturbed, error_frame, restarted_frame
+from drivers.simulated.wheels.faults import ActiveFault, error_frame, restarted_frame, with_fault
 from drivers.simulated.wheels.odometer import WheelOdometer
 from drivers.wheels.layouts.messages import FeedbackMessage, InfoMessage
 from drivers.wheels.readings import NodeInfo, Wheel
@@ -123,10 +123,10 @@ class EncoderNodes:
     def beat(self, wheel: Wheel, stamp_ns: int, travel_m: float) -> list[CanFrame]:
         """All frames that one node's beat puts on the bus. travel_m: true distance rolled since the start."""
         self._travel_m[wheel] = travel_m
-        over = [active for active in self._active if active.over(stamp_ns)]
-        self._active = [active for active in self._active if not active.over(stamp_ns)]
+        over = [active for active in self._active if active.is_over(stamp_ns)]
+        self._active = [active for active in self._active if not active.is_over(stamp_ns)]
         extra = self._end(over, stamp_ns)
-        own = [active for active in self._active if active.hits(wheel)]
+        own = [active for active in self._active if active.affects(wheel)]
         names = {active.fault.name for active in own}
         node = self._nodes[wheel]
         status = next((active.fault.value for active in own if active.fault.name == "status"), 0)
@@ -136,7 +136,7 @@ class EncoderNodes:
             return extra
         for active in own:
             double = partial(self._double, wheel, stamp_ns, travel_m, active)
-            frames = disturbed(frames, active, self._rng, double)
+            frames = with_fault(frames, active, self._rng, double)
         for active in self._active:
             error = error_frame(active.fault.name, stamp_ns)
             if error is not None:
@@ -147,7 +147,7 @@ class EncoderNodes:
         """The slow message, unless the node is off or cut off."""
         counts_per_rev = self._settings.counts_per_rev
         for active in self._active:
-            if not active.hits(wheel):
+            if not active.affects(wheel):
                 continue
             if active.fault.name in ("power_cycle", "silence", "silence_all", "bus_off", "error_flood"):
                 return []
@@ -165,7 +165,7 @@ class EncoderNodes:
             if active.fault.name == "bus_off":
                 frames.append(restarted_frame(now_ns))
             for wheel, node in self._nodes.items():
-                if active.fault.name == "power_cycle" and active.hits(wheel):
+                if active.fault.name == "power_cycle" and active.affects(wheel):
                     node.reboot(now_ns, self._travel_m[wheel])
         return frames
 

@@ -27,17 +27,17 @@ class ActiveFault:
     since_ns: int
     held: CanFrame | None = None
 
-    def over(self, now_ns: int) -> bool:
+    def is_over(self, now_ns: int) -> bool:
         """True where its time has run out."""
         duration_ns = self.fault.duration_s * 1e9
         return duration_ns > 0 and now_ns - self.since_ns >= duration_ns
 
-    def hits(self, wheel: Wheel) -> bool:
+    def affects(self, wheel: Wheel) -> bool:
         """True where this wheel's frames are meant."""
         return self.fault.wheel in ("both", wheel.value)
 
 
-def disturbed(
+def with_fault(
     frames: list[CanFrame], active: ActiveFault, rng: np.random.Generator, second: Callable[[], CanFrame]
 ) -> list[CanFrame]:
     """The frames of one wheel and one beat as they arrive. second: a frame of the other node under the same id."""

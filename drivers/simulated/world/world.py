@@ -41,7 +41,7 @@ class Landmarks:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sweep:
+class LabelledSweep:
     """One sweep with the truth about it: ranges_m (n,) inf = nothing; surfaces (n,) Surface;
     landmarks (n,) index into Landmarks, -1 elsewhere."""
 
@@ -96,7 +96,7 @@ class World:
         """(beam_count,) m of the sweep whose step 0 is measured at t_ns; inf where nothing came back."""
         return self.sweep_at(t_ns).ranges_m
 
-    def sweep_at(self, t_ns: int) -> Sweep:
+    def sweep_at(self, t_ns: int) -> LabelledSweep:
         """The same with what each beam fell on; each beam is cast at its own time."""
         laser = self.settings.laser
         rng = np.random.default_rng([self.settings.seed, 1, abs(t_ns)])
@@ -116,7 +116,7 @@ class World:
         ranges[lost] = np.inf
         surfaces[lost] = Surface.NOTHING
         landmarks[lost] = -1
-        return Sweep(np.maximum(ranges, 0.02), surfaces, landmarks)
+        return LabelledSweep(np.maximum(ranges, 0.02), surfaces, landmarks)
 
     def _cast(
         self,

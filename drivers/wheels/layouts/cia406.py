@@ -12,8 +12,8 @@ from drivers.measurements import DriverError
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.layouts import Cia406Layout
 from drivers.settings.wheel_signals import MessageSettings, SignalSettings, WheelSignals
-from drivers.wheels.layouts.routes import built_message, frames_of
-from drivers.wheels.readings import Decoded, Decoder, NodeAlarm, NodeState, Route, Wheel, WheelFrames
+from drivers.wheels.layouts.routes import built_message, decoder_of
+from drivers.wheels.readings import Decoded, Decoder, NodeAlarm, NodeState, Route, Wheel, WheelDecoder
 
 POSITION, TOTAL_RANGE = 0x6004, 0x6002
 HEARTBEAT, EMERGENCY = 0x700, 0x080
@@ -23,7 +23,7 @@ NMT_START = 0x01
 SIGNED_TYPES = (0x02, 0x03, 0x04, 0x15)  # CiA 301 data types INTEGER8, 16, 32, 64
 
 
-def cia406_frames(layout: Cia406Layout, settings: EncoderSettings) -> WheelFrames:
+def cia406_decoder(layout: Cia406Layout, settings: EncoderSettings) -> WheelDecoder:
     """Routes for process data, heartbeat and emergency of both nodes.
 
     Raises DriverError where canopen is missing or the EDS does not map a position.
@@ -37,7 +37,7 @@ def cia406_frames(layout: Cia406Layout, settings: EncoderSettings) -> WheelFrame
         messages[wheel.value] = built_message(settings_of_message)
         total_range = _default(dictionary, TOTAL_RANGE, 0)
     left, right = (WheelSignals(message=wheel.value, count="position") for wheel in nodes)
-    frames = frames_of(messages, left, right, settings)
+    frames = decoder_of(messages, left, right, settings)
     routes = dict(frames.routes)
     for wheel, node in nodes.items():
         routes[HEARTBEAT + node] = Route((wheel,), False, 1, _heartbeat(wheel))
@@ -45,7 +45,7 @@ def cia406_frames(layout: Cia406Layout, settings: EncoderSettings) -> WheelFrame
     chosen = {Wheel.LEFT: settings.left.modulus, Wheel.RIGHT: settings.right.modulus}
     modulus = {wheel: chosen[wheel] or total_range or frames.modulus[wheel] for wheel in nodes}
     start = tuple(CanFrame(0, 0, bytes((NMT_START, node))) for node in nodes.values() if START_NODES)
-    return WheelFrames(routes, modulus, frames.alive_modulus, True, start)
+    return WheelDecoder(routes, modulus, frames.alive_modulus, True, start)
 
 
 def read_eds(path: Path, node: int) -> Any:

@@ -11,7 +11,7 @@ from drivers.settings.encoders import EncoderSettings
 from drivers.settings.wheel_signals import MessageSettings, WheelSignals
 from drivers.wheels.layouts.messages import FeedbackMessage, InfoMessage
 from drivers.wheels.layouts.presets import COUNTS_PER_MOTOR_TURN
-from drivers.wheels.readings import Decoder, Route, Wheel, WheelFrames
+from drivers.wheels.readings import Decoder, Route, Wheel, WheelDecoder
 
 
 def built_message(settings: MessageSettings) -> Message:
@@ -39,9 +39,9 @@ def built_message(settings: MessageSettings) -> Message:
         raise DriverError(f"message {settings.name}: {error}; correct start and length of its signals") from error
 
 
-def frames_of(
+def decoder_of(
     messages: dict[str, Message], left: WheelSignals, right: WheelSignals, settings: EncoderSettings
-) -> WheelFrames:
+) -> WheelDecoder:
     """The routes from arbitration ids to both wheels' messages."""
     places = [(wheel.message, wheel.frame_id, wheel.count or wheel.speed) for wheel in (left, right)]
     if places[0] == places[1]:
@@ -70,7 +70,7 @@ def frames_of(
                 False,
             )
     chosen = {Wheel.LEFT: settings.left.modulus, Wheel.RIGHT: settings.right.modulus}
-    return WheelFrames(
+    return WheelDecoder(
         routes,
         {wheel: chosen[wheel] * abs(item.counts_per_bit) or item.modulus for wheel, item in fast.items()},
         {wheel: item.alive_modulus for wheel, item in fast.items()},
@@ -98,7 +98,8 @@ def _named(messages: dict[str, Message], name: str) -> Message:
     return message
 
 
-def _refuse_twice(source: str, numbers: list[tuple[int, str]]) -> None:
+def refuse_duplicate_ids(source: str, numbers: list[tuple[int, str]]) -> None:
+    """Raise DriverError where two messages (id, name) of the source have the same id."""
     counts = Counter(number for number, _ in numbers)
     for number, count in counts.items():
         if count > 1:

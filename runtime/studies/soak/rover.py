@@ -112,7 +112,7 @@ class SteppedRover:
 
     def _send_scan(self, due_ns: int) -> bool:
         before = self._scans()
-        self._device.nudge()
+        self._device.recheck_clock()
         return self._await(lambda: self._device.next_scan_ns != due_ns and self._scans() > before)
 
     def _scans(self) -> int:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drivers.laser.clock import LaserClock
-from drivers.laser.counter import NS_PER_MS, Reading
+from drivers.laser.counter import NS_PER_MS, CounterStatus
 from drivers.scip.codec import COUNTER_MS
 
 PERIOD_NS = 99_730_000  # no multiple of the counter's millisecond, as no motor is
@@ -43,7 +43,7 @@ def run(
     for start_ns in range(begin_ns, end_ns, PERIOD_NS * every):
         arrival_ns = start_ns + DELAY_NS + int(rng.integers(0, 5_000_000))
         reading = clock.observe(device.counter_ms(start_ns), arrival_ns, DELAY_NS)
-        if reading is not Reading.STALE:
+        if reading is not CounterStatus.STALE:
             errors.append(clock.offset_ms - (start_ns / NS_PER_MS - device.time_ms(start_ns)))
             stamps.append(clock.stamp_ns())
     return errors, stamps
@@ -54,7 +54,7 @@ def test_stamps_stay_within_a_millisecond_over_two_wraps_and_a_restart(drift_ppm
     rng = np.random.default_rng(7)
     clock = LaserClock(200.0)
     device = SimulatedCounter(drift_ppm, COUNTER_MS - 60_000)
-    assert clock.synchronise(device.answers(0, rng), DELAY_NS) is Reading.GOOD
+    assert clock.synchronise(device.answers(0, rng), DELAY_NS) is CounterStatus.GOOD
     end_ns = round(4.7 * HOUR_NS)  # one wrap after a minute, one after 4.66 h
     minutes_ns = 600 * 10**9
     errors, stamps = run(clock, device, 50_000_000, minutes_ns, rng)
@@ -65,7 +65,7 @@ def test_stamps_stay_within_a_millisecond_over_two_wraps_and_a_restart(drift_ppm
     assert clock.drift_ppm == pytest.approx(drift_ppm, abs=2.0)
 
     device = SimulatedCounter(drift_ppm, 0, end_ns + 10**9)
-    assert clock.synchronise(device.answers(end_ns + 3 * 10**9, rng), DELAY_NS) is Reading.RESTARTED
+    assert clock.synchronise(device.answers(end_ns + 3 * 10**9, rng), DELAY_NS) is CounterStatus.RESTARTED
     more_errors, more_stamps = run(clock, device, end_ns + 3_100_000_000, end_ns + 300 * 10**9, rng)
 
     assert max(map(abs, errors + more_errors)) < 1.0
@@ -106,9 +106,9 @@ def test_a_wrap_is_no_restart_and_a_restart_is_no_wrap() -> None:
         clock.observe(counter_ms, arrival_ms * NS_PER_MS, DELAY_NS)
         for counter_ms, arrival_ms in [(COUNTER_MS - 150, 1000), (COUNTER_MS - 50, 1100), (50, 1200), (150, 1300)]
     ]
-    assert readings == [Reading.GOOD] * 4
+    assert readings == [CounterStatus.GOOD] * 4
     assert clock.wraps == 1
-    assert clock.observe(0, 1400 * NS_PER_MS, DELAY_NS) is Reading.RESTARTED
+    assert clock.observe(0, 1400 * NS_PER_MS, DELAY_NS) is CounterStatus.RESTARTED
     assert clock.wraps == 1
 
 
@@ -117,7 +117,7 @@ def test_a_wrap_during_hours_of_silence_is_counted() -> None:
     clock.observe(1000, 0, DELAY_NS)
     silence_ns = 6 * HOUR_NS
     counter_ms = (1000 + silence_ns // NS_PER_MS) % COUNTER_MS
-    assert clock.observe(counter_ms, silence_ns, DELAY_NS) is Reading.GOOD
+    assert clock.observe(counter_ms, silence_ns, DELAY_NS) is CounterStatus.GOOD
     assert clock.wraps == 1
 
 
@@ -125,20 +125,20 @@ def test_a_restart_in_the_stream_is_told_even_soon_after_power_on() -> None:
     clock = LaserClock(200.0)
     clock.observe(300, 0, DELAY_NS)
     clock.observe(400, PERIOD_NS, DELAY_NS)
-    assert clock.observe(0, 2 * PERIOD_NS, DELAY_NS) is Reading.RESTARTED
+    assert clock.observe(0, 2 * PERIOD_NS, DELAY_NS) is CounterStatus.RESTARTED
 
 
 def test_a_stamp_that_stands_still_is_told() -> None:
     clock = LaserClock(200.0)
     clock.observe(300, 0, DELAY_NS)
-    assert clock.observe(300, PERIOD_NS, DELAY_NS) is Reading.STALE
-    assert clock.observe(500, 2 * PERIOD_NS, DELAY_NS) is Reading.GOOD
+    assert clock.observe(300, PERIOD_NS, DELAY_NS) is CounterStatus.STALE
+    assert clock.observe(500, 2 * PERIOD_NS, DELAY_NS) is CounterStatus.GOOD
 
 
 def test_a_scan_that_began_before_the_clock_was_asked_is_no_restart() -> None:
     clock = LaserClock(200.0)
     clock.synchronise([(1_000_000_000, 1_000_200_000, 5000)], DELAY_NS)
-    assert clock.observe(4970, 1_045_000_000, DELAY_NS) is Reading.GOOD
+    assert clock.observe(4970, 1_045_000_000, DELAY_NS) is CounterStatus.GOOD
     assert clock.stamp_ns() == pytest.approx(970_000_000, abs=2_000_000)
 
 
@@ -192,7 +192,7 @@ def test_a_restart_between_the_answers_and_the_first_scan_is_told_once() -> None
     clock.synchronise([(10**9, 1_000_200_000, 5000)], DELAY_NS)
     clock.observe(5000, 1_075_000_000, DELAY_NS)
     clock.synchronise([(2 * 10**9, 2_000_200_000, 300)], DELAY_NS)  # restarted, and again before its next scan
-    assert clock.observe(50, 2_125_000_000, DELAY_NS) is Reading.RESTARTED
+    assert clock.observe(50, 2_125_000_000, DELAY_NS) is CounterStatus.RESTARTED
     clock.synchronise([(2_150_000_000, 2_150_200_000, 150)], DELAY_NS)
-    assert clock.observe(200, 2_275_000_000, DELAY_NS) is Reading.GOOD
+    assert clock.observe(200, 2_275_000_000, DELAY_NS) is CounterStatus.GOOD
     assert clock.stamp_ns() == pytest.approx(2_200_000_000, abs=2_000_000)

@@ -58,8 +58,8 @@ def test_an_unknown_model_works_from_what_it_says_and_is_named_once(monkeypatch:
 def test_a_laser_that_is_not_well_is_named_and_tried_again(
     field: str, text: str, sentence: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told: dict[str, Any] = {field: text}
-    monkeypatch.setitem(PROFILES, "UTM-30LX", dataclasses.replace(PROFILES["UTM-30LX"], **told))
+    reported: dict[str, Any] = {field: text}
+    monkeypatch.setitem(PROFILES, "UTM-30LX", dataclasses.replace(PROFILES["UTM-30LX"], **reported))
     monkeypatch.setattr(hokuyo, "RETRY_MAX_S", 0.1)
     with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url, reboot_on_fault=False)) as driver:
         wait_for(lambda: driver.health().counters.get("reconnects", 0) >= 2)

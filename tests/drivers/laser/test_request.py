@@ -55,9 +55,9 @@ def test_scans_are_left_out_of_a_faster_laser(speed_rpm: int, rate_hz: float, in
 
 
 @pytest.mark.parametrize(
-    ("rate_hz", "told"), [(10.0, ""), (40.0, ""), (13.0, ""), (15.0, "13.3 a second"), (50.0, "40.0 a second")]
+    ("rate_hz", "reported"), [(10.0, ""), (40.0, ""), (13.0, ""), (15.0, "13.3 a second"), (50.0, "40.0 a second")]
 )
-def test_a_rate_that_the_laser_cannot_keep_is_named_with_the_one_that_comes(rate_hz: float, told: str) -> None:
+def test_a_rate_that_the_laser_cannot_keep_is_named_with_the_one_that_comes(rate_hz: float, reported: str) -> None:
     warnings = scan_request(LaserSettings(rate_hz=rate_hz), UTM)[1]
-    assert ("rate" in warnings) == bool(told)
-    assert told in warnings.get("rate", "")
+    assert ("rate" in warnings) == bool(reported)
+    assert reported in warnings.get("rate", "")

@@ -84,8 +84,8 @@ def test_scans_that_are_missing_by_their_stamps_are_counted() -> None:
     for number in (0, 1, 5, 6):
         bench.take(number)
     assert bench.events.counters["dropped_scans"] == 3
-    told = [event.reason for event in bench.events.drain() if event.kind == "dropped_scans"]
-    assert told == ["3 scan(s) missing before this one"]
+    reported = [event.reason for event in bench.events.drain() if event.kind == "dropped_scans"]
+    assert reported == ["3 scan(s) missing before this one"]
 
 
 def test_a_stamp_that_stands_still_is_dropped_and_counted() -> None:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.scip.model import NoRange, ParameterError, is_booting, parse_parameters, range_code_meaning, trouble_in
+from drivers.scip.model import NoRange, ParameterError, is_booting, parse_parameters, range_code_meaning, reports_fault
 from drivers.simulated.laser.profiles import PROFILES
 
 VALUES = PROFILES["UTM-30LX"].parameters.key_values()
@@ -49,7 +49,7 @@ def test_arbitrary_values_raise_nothing_outside_the_family(values: dict[str, str
     ],
 )
 def test_trouble_is_what_says_so_and_nothing_else(state: str, expected: bool) -> None:
-    assert trouble_in(state) is expected
+    assert reports_fault(state) is expected
 
 
 def test_booting_is_told_in_both_wordings() -> None:

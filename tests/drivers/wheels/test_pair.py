@@ -9,10 +9,10 @@ from drivers.measurements import WheelCounts
 from drivers.settings.encoders import EncoderSettings, WheelSettings
 from drivers.settings.layouts import DbcLayout
 from drivers.settings.simulated_wheels import SimulatedWheelSettings
-from drivers.wheels.layouts.choose import layout_messages, wheel_frames
+from drivers.wheels.layouts.choose import layout_messages, wheel_decoder
 from drivers.wheels.layouts.messages import FeedbackMessage
 from drivers.wheels.pair import WheelPair
-from drivers.wheels.readings import Wheel, WheelFrames
+from drivers.wheels.readings import Wheel, WheelDecoder
 from tests.support.drivers.candump import read_candump
 from tests.support.drivers.virtual_drive import FRAMES, SETTINGS, VirtualDrive
 
@@ -76,7 +76,7 @@ def test_a_wheel_that_is_silent_makes_invalid_samples_and_the_other_is_not_used_
 
 def test_the_sign_turns_a_counter_about() -> None:
     settings = EncoderSettings(right=WheelSettings(sign=-1))
-    pair = WheelPair(settings, wheel_frames(settings))
+    pair = WheelPair(settings, wheel_decoder(settings))
     last = run(pair, 50, 700_000)[-1]
     assert last.left > 0
     assert last.right == pytest.approx(-last.left, abs=10)
@@ -138,7 +138,7 @@ def test_speeds_alone_are_integrated_and_a_gap_is_unknown_motion() -> None:
         right=wheel.model_copy(update={"speed": "r"}),
     )
     settings = EncoderSettings().model_copy(update={"layout": layout})
-    frames: WheelFrames = wheel_frames(settings)
+    frames: WheelDecoder = wheel_decoder(settings)
     pair = WheelPair(settings, frames)
     beats = [*range(51), *range(80, 131)]
     for beat in beats:

@@ -14,7 +14,7 @@ from drivers.settings.encoders import EncoderSettings, WheelSettings
 from drivers.settings.layouts import Cia406Layout, DbcLayout, PresetLayout, SignalsLayout
 from drivers.settings.vehicle import VehicleSettings
 from drivers.settings.wheel_signals import MessageSettings, SignalSettings, WheelSignals
-from drivers.wheels.layouts.choose import ROVER_DBC, dbc_messages, layout_messages, wheel_frames
+from drivers.wheels.layouts.choose import ROVER_DBC, dbc_messages, layout_messages, wheel_decoder
 from drivers.wheels.layouts.messages import FeedbackMessage, InfoMessage
 from drivers.wheels.pair import WheelPair
 from drivers.wheels.readings import NodeAlarm, NodeInfo, NodeState, Refused, Wheel, WheelReading
@@ -22,7 +22,7 @@ from tests.support.drivers.candump import read_candump
 
 LAYOUT = DbcLayout()
 MESSAGES = layout_messages(LAYOUT)
-FRAMES = wheel_frames(EncoderSettings())
+FRAMES = wheel_decoder(EncoderSettings())
 KPH = 1.0 / 3.6
 
 
@@ -112,7 +112,7 @@ def test_the_real_vehicle_s_wheel_speeds_equal_cantools_own_and_gaps_are_reporte
 ) -> None:
     folder = recorded_data("can_civic_typer")
     settings = civic(folder)
-    frames = wheel_frames(settings)
+    frames = wheel_decoder(settings)
     database = Database()
     database.add_dbc_file(str(folder / "wheel.dbc"))
     pair = WheelPair(settings, frames)
@@ -151,7 +151,7 @@ def test_both_wheels_may_share_a_message_and_each_gets_its_refusal() -> None:
         left=WheelSignals(message="BOTH", count="l"),
         right=WheelSignals(message="BOTH", count="r"),
     )
-    frames = wheel_frames(EncoderSettings().model_copy(update={"layout": both}))
+    frames = wheel_decoder(EncoderSettings().model_copy(update={"layout": both}))
     readings = frames.decode(CanFrame(0, 0x200, struct.pack("<HHI", 7, 9, 0)))
     assert [reading.position for reading in readings if isinstance(reading, WheelReading)] == [7, 9]
     assert frames.modulus == {Wheel.LEFT: 65536, Wheel.RIGHT: 65536}
@@ -167,28 +167,28 @@ def preset(name: str) -> EncoderSettings:
 
 
 def test_odrive_s_turns_become_counts() -> None:
-    frames = wheel_frames(preset("odrive"))
+    frames = wheel_decoder(preset("odrive"))
     (reading,) = frames.decode(CanFrame(0, 2 << 5 | 9, struct.pack("<ff", -12.5, 1.5)))
     assert reading == WheelReading(Wheel.RIGHT, -12.5 * 4096, 1.5 * 4096)
     assert frames.modulus[Wheel.RIGHT] == 0
 
 
 def test_odrive_s_shadow_count_is_signed_and_wraps_at_32_bits() -> None:
-    frames = wheel_frames(preset("odrive_counts"))
+    frames = wheel_decoder(preset("odrive_counts"))
     (reading,) = frames.decode(CanFrame(0, 1 << 5 | 0x0A, struct.pack("<ii", -5, 4091)))
     assert reading == WheelReading(Wheel.LEFT, -5)
     assert frames.modulus[Wheel.LEFT] == 2**32
 
 
 def test_vesc_s_tachometer_is_big_endian_with_a_29_bit_id() -> None:
-    frames = wheel_frames(preset("vesc"))
+    frames = wheel_decoder(preset("vesc"))
     data = struct.pack(">ihh", -123456, 481, 0)
     assert frames.decode(CanFrame(0, 27 << 8 | 2, data, EXTENDED)) == (WheelReading(Wheel.RIGHT, -123456),)
     assert frames.decode(CanFrame(0, 27 << 8 | 2, data)) == (Refused(Wheel.RIGHT, "standard"),)
 
 
 def test_cia402_s_fault_bit_makes_the_position_bad() -> None:
-    frames = wheel_frames(preset("cia402"))
+    frames = wheel_decoder(preset("cia402"))
     for statusword, good in ((0x0237, True), (0x0238, False)):
         (reading,) = frames.decode(CanFrame(0, 0x181, struct.pack("<Hi", statusword, 1000)))
         assert isinstance(reading, WheelReading)
@@ -197,7 +197,7 @@ def test_cia402_s_fault_bit_makes_the_position_bad() -> None:
 
 def test_cia406_takes_ids_mapping_and_range_from_the_eds() -> None:
     pytest.importorskip("canopen", reason="the extra canopen is not installed")
-    frames = wheel_frames(EncoderSettings(layout=Cia406Layout(kind="cia406", left_node=5, right_node=6)))
+    frames = wheel_decoder(EncoderSettings(layout=Cia406Layout(kind="cia406", left_node=5, right_node=6)))
     assert frames.decode(CanFrame(0, 0x185, struct.pack("<Ih", 0x0FFFFFFF, -3))) == (
         WheelReading(Wheel.LEFT, 0x0FFFFFFF),
     )
@@ -211,7 +211,7 @@ def test_cia406_takes_ids_mapping_and_range_from_the_eds() -> None:
 def test_a_boot_up_or_an_alarm_breaks_the_track_and_recovery_is_by_heartbeat() -> None:
     pytest.importorskip("canopen", reason="the extra canopen is not installed")
     settings = EncoderSettings(layout=Cia406Layout(kind="cia406", left_node=5, right_node=6))
-    pair = WheelPair(settings, wheel_frames(settings))
+    pair = WheelPair(settings, wheel_decoder(settings))
     count = {0x185: 0x0FFFFF00, 0x186: 500}
 
     def run(first: int, beats: int) -> None:
@@ -245,7 +245,7 @@ def test_a_boot_up_or_an_alarm_breaks_the_track_and_recovery_is_by_heartbeat() -
 def test_a_missing_canopen_is_said_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "canopen", None)
     with pytest.raises(DriverError, match=r"pip install 'infant\[canopen\]'"):
-        wheel_frames(EncoderSettings(layout=Cia406Layout(kind="cia406", left_node=5, right_node=6)))
+        wheel_decoder(EncoderSettings(layout=Cia406Layout(kind="cia406", left_node=5, right_node=6)))
 
 
 @pytest.mark.parametrize(
@@ -280,17 +280,17 @@ def test_a_dbc_with_duplicate_ids_or_overlaps_is_refused(
 def test_a_layout_that_names_what_is_not_there_is_refused(update: dict[str, object], sentence: str) -> None:
     left = LAYOUT.left.model_copy(update=update)
     with pytest.raises(DriverError, match=sentence):
-        wheel_frames(EncoderSettings(layout=DbcLayout(left=left)))
+        wheel_decoder(EncoderSettings(layout=DbcLayout(left=left)))
 
 
 def test_a_missing_file_is_named() -> None:
     with pytest.raises(DriverError, match=r"nowhere\.dbc: cannot be read"):
-        wheel_frames(EncoderSettings(layout=DbcLayout(file="nowhere.dbc")))
+        wheel_decoder(EncoderSettings(layout=DbcLayout(file="nowhere.dbc")))
 
 
 def test_modulus_comes_from_the_configuration_where_it_is_given() -> None:
     settings = EncoderSettings(left=WheelSettings(modulus=9000))
-    assert wheel_frames(settings).modulus == {Wheel.LEFT: 9000, Wheel.RIGHT: 2**32}
+    assert wheel_decoder(settings).modulus == {Wheel.LEFT: 9000, Wheel.RIGHT: 2**32}
 
 
 def test_counts_per_metre_follow_from_radius_and_counts_per_turn() -> None:

@@ -1,4 +1,4 @@
-"""A simulated laser and a driver on one desk, for tests over the real wire."""
+"""A simulated laser and its driver together, for tests over the real wire."""
 
 import time
 from collections.abc import Callable, Iterator

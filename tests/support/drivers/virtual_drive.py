@@ -13,14 +13,14 @@ from drivers.settings.encoders import EncoderSettings
 from drivers.settings.layouts import DbcLayout
 from drivers.settings.simulated_wheels import SimulatedWheelSettings, WheelFault
 from drivers.simulated.wheels.encoder_nodes import EncoderNodes
-from drivers.wheels.layouts.choose import layout_messages, wheel_frames
+from drivers.wheels.layouts.choose import layout_messages, wheel_decoder
 from drivers.wheels.pair import WheelPair
 from drivers.wheels.readings import Wheel
 
 BEAT_NS = 20_000_000
 START_NS = 5_000_000_000
 SETTINGS = EncoderSettings()
-FRAMES = wheel_frames(SETTINGS)
+FRAMES = wheel_decoder(SETTINGS)
 MESSAGES = layout_messages(DbcLayout())
 
 
@@ -36,7 +36,7 @@ class VirtualDrive:
         self.rng = np.random.default_rng(self.seed)
         self.now_ns = START_NS
         self.nodes = EncoderNodes(self.settings, MESSAGES, START_NS, self.rng)
-        self.pair = WheelPair(self.encoders, FRAMES if self.encoders == SETTINGS else wheel_frames(self.encoders))
+        self.pair = WheelPair(self.encoders, FRAMES if self.encoders == SETTINGS else wheel_decoder(self.encoders))
         self.errors = ErrorFrames()
         self.samples: list[WheelCounts] = []
         self.frames: list[CanFrame] = []

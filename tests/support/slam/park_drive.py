@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray, Scan, uniform_bearings
 from drivers.settings.simulated_world import WorldSettings
-from drivers.simulated.world.world import Sweep, World
+from drivers.simulated.world.world import LabelledSweep, World
 from slam.front_end.deskew import Twist
 from slam.front_end.front_ends import FrontEnd, make_front_end
 from slam.observations import Features
@@ -24,7 +24,7 @@ class Look:
     """One scan with what the front end made of it and what was really there."""
 
     scan: Scan
-    sweep: Sweep
+    sweep: LabelledSweep
     map_from_laser: Pose2
     at_rest: bool
     features: Features
@@ -48,7 +48,7 @@ class Look:
         return self.sweep.landmarks[self.features.beams]
 
 
-def scan_of(world: World, start_ns: int) -> tuple[Scan, Sweep]:
+def scan_of(world: World, start_ns: int) -> tuple[Scan, LabelledSweep]:
     """The scan, stamped at its middle beam, and the truth of the sweep that starts at start_ns."""
     laser = world.settings.laser
     sweep = world.sweep_at(start_ns)
@@ -97,7 +97,7 @@ def drive(
     return looks
 
 
-def walkers(world: World, scan: Scan, sweep: Sweep, map_from_laser: Pose2) -> NDArray[np.bool_]:
+def walkers(world: World, scan: Scan, sweep: LabelledSweep, map_from_laser: Pose2) -> NDArray[np.bool_]:
     """(n,) True for beams on somebody who gets more than 0.6 m further within a second."""
     count = world.settings.people
     walking = np.zeros(scan.ranges_m.shape, dtype=np.bool_)

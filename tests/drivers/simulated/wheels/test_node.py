@@ -13,11 +13,11 @@ from drivers.settings.simulated_wheels import SimulatedWheelSettings
 from drivers.simulated.wheels.encoder_nodes import LAYOUT, EncoderNodes
 from drivers.simulated.wheels.node import WheelNode
 from drivers.simulated.wheels.odometer import WheelOdometer
-from drivers.wheels.layouts.choose import layout_messages, wheel_frames
+from drivers.wheels.layouts.choose import layout_messages, wheel_decoder
 from drivers.wheels.readings import NodeInfo, Wheel, WheelReading
 from tests.support.drivers.waiting import wait_until
 
-FRAMES = wheel_frames(EncoderSettings())
+FRAMES = wheel_decoder(EncoderSettings())
 MESSAGES = layout_messages(LAYOUT)
 COUNTS_PER_METRE = EncoderSettings().counts_per_metre
 

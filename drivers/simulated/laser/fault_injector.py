@@ -14,7 +14,7 @@ NOISE_BYTES = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Parcel:
+class DelayedMessage:
     """Bytes that leave at a time."""
 
     due_ns: int
@@ -22,12 +22,12 @@ class Parcel:
     data: bytes
 
 
-class Damage:
+class FaultInjector:
     """Sends messages, whole or not; keeps what a fault has to remember."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
-        self._delayed: deque[Parcel] = deque()
+        self._delayed: deque[DelayedMessage] = deque()
         self._stuck: Sweep | None = None
         self._stale: Sweep | None = None
 
@@ -39,12 +39,12 @@ class Damage:
     def deliver(self, now_ns: int) -> None:
         """Send what is due."""
         while self._delayed and self._delayed[0].due_ns <= now_ns:
-            parcel = self._delayed.popleft()
-            parcel.wire.send(parcel.data)
+            message = self._delayed.popleft()
+            message.wire.send(message.data)
 
     def forget(self, wire: Wire) -> None:
         """Nothing more goes to this client."""
-        self._delayed = deque(parcel for parcel in self._delayed if parcel.wire is not wire)
+        self._delayed = deque(message for message in self._delayed if message.wire is not wire)
 
     def sweep(self, sweep: Sweep, faults: Faults) -> Sweep:
         """The sweep with ranges or stamp of an earlier one."""
@@ -88,7 +88,7 @@ class Damage:
             return
         # a message never overtakes another
         due_ns = now_ns + (round(delayed.delay_s * 1e9) if delayed is not None else 0)
-        self._delayed.append(Parcel(max(due_ns, self._delayed[-1].due_ns if self._delayed else 0), wire, data))
+        self._delayed.append(DelayedMessage(max(due_ns, self._delayed[-1].due_ns if self._delayed else 0), wire, data))
 
     def send_noise(self, wire: Wire) -> None:
         """What a serial line at the wrong rate turns a reply into."""

@@ -10,7 +10,7 @@ from drivers.scip.framing import MessageStream, RawMessage
 QUIET_S = 0.14  # no pause inside a message is so long
 
 
-class Conversation:
+class ScipClient:
     """Used by one thread. `is_closing` is asked before every wait, so that closing takes no longer than one."""
 
     def __init__(

@@ -2,7 +2,7 @@ from collections import deque
 
 import pytest
 
-from drivers.laser.conversation import Conversation, find_reply
+from drivers.laser.client import ScipClient, find_reply
 from drivers.measurements import LinkError
 
 MS_NS = 1_000_000
@@ -37,8 +37,8 @@ class Script:
         raise AssertionError
 
 
-def talk_over(script: Script, is_closing: bool = False) -> Conversation:
-    return Conversation(script, script, lambda: script.now_ns, lambda: is_closing)
+def talk_over(script: Script, is_closing: bool = False) -> ScipClient:
+    return ScipClient(script, script, lambda: script.now_ns, lambda: is_closing)
 
 
 def test_a_reply_is_found_behind_scans_that_were_on_their_way() -> None:
