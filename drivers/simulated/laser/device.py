@@ -221,9 +221,7 @@ class LaserDevice:
         self._listening = False
 
     def _register(self, wire: Wire) -> None:
-        self._selector.register(
-            wire.descriptor, selectors.EVENT_READ, lambda now_ns: self._answer_commands(wire, now_ns)
-        )
+        self._selector.register(wire.descriptor, selectors.EVENT_READ, lambda now_ns: self._answer(wire, now_ns))
 
     def _forget(self, wire: Wire | None) -> None:
         """A client is gone: its descriptor, its stream and what was on its way to it."""
@@ -237,12 +235,12 @@ class LaserDevice:
 
     def _accept(self, now_ns: int) -> None:
         if self._tcp.wire is not None:
-            self._answer_commands(self._tcp.wire, now_ns)  # it may have gone without having been noticed
+            self._answer(self._tcp.wire, now_ns)  # it may have gone without having been noticed
         wire = self._tcp.accept()
         if wire is not None:
             self._register(wire)
 
-    def _answer_commands(self, wire: Wire, now_ns: int) -> None:
+    def _answer(self, wire: Wire, now_ns: int) -> None:
         """Answer the commands that have come over one port."""
         wire.flush()
         lines = wire.commands()
