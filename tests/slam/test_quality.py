@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import slam.quality
 from drivers.settings.simulated_world import WorldSettings
 from runtime.studies.quality.drives import BLINDED, KIDNAPPED, Mishap, MishapKind, draw_mishap, moments
 from slam.estimate import Estimate, Quality
@@ -55,7 +56,10 @@ def test_a_rover_that_lost_its_way_does_not_believe_in_the_map_that_it_found_the
 
 
 @pytest.mark.parametrize("blind", [replace(GOOD, found=0), Evidence(known=30, found=1, missed=0, square=3.0)])
-def test_scans_in_which_only_chance_finds_anything_do_not_support_the_pose(blind: Evidence) -> None:
+def test_scans_in_which_only_chance_finds_anything_do_not_support_the_pose(
+    blind: Evidence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(slam.quality, "FOUND_SHARE", 0.08)
     assert quality(*after(*[GOOD] * 20, *[blind] * 5)) is Quality.TRACKING
     assert quality(*after(*[GOOD] * 20, *[blind] * 18)) is Quality.UNCERTAIN
     assert quality(*after(*[GOOD] * 20, *[blind] * 28)) is Quality.LOST
