@@ -8,7 +8,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
-from runtime.review.moments import ELAPSED, TICK
+from runtime.review.ticks import ELAPSED, TICK
 from slam.pose import Pose2
 
 Columns = Mapping[str, Sequence[Any]]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from runtime.review.columns import ReviewColumns
-from runtime.review.moments import Moment
+from runtime.review.ticks import AssembledTick
 from slam.estimate import Estimate
 from slam.pose import Pose2
 
@@ -20,21 +20,21 @@ PLOTS = {
 """On which plot a figure of the estimate stands; others are not drawn."""
 
 
-def draw_curves(columns: ReviewColumns, moment: Moment) -> None:
+def draw_curves(columns: ReviewColumns, assembled: AssembledTick) -> None:
     """One point on each curve that has a value on this tick."""
-    if moment.timing is not None:
-        columns.scalar("plots/timing/lateness_ms", moment.timing.lateness_ns * 1e-6)
-        for stage, duration_ns in moment.timing.stages_ns.items():
+    if assembled.timing is not None:
+        columns.scalar("plots/timing/lateness_ms", assembled.timing.lateness_ns * 1e-6)
+        for stage, duration_ns in assembled.timing.stages_ns.items():
             columns.scalar(f"plots/timing/{stage}_ms", duration_ns * 1e-6)
-    _draw_ages(columns, moment)
-    if moment.estimate is not None:
-        _draw_filter(columns, moment.estimate)
-        _draw_error(columns, moment.estimate, moment.truth)
+    _draw_ages(columns, assembled)
+    if assembled.estimate is not None:
+        _draw_filter(columns, assembled.estimate)
+        _draw_error(columns, assembled.estimate, assembled.truth)
 
 
-def _draw_ages(columns: ReviewColumns, moment: Moment) -> None:
+def _draw_ages(columns: ReviewColumns, assembled: AssembledTick) -> None:
     """How old the newest sample of each sensor was when the tick was taken."""
-    tick = moment.tick
+    tick = assembled.tick
     if tick.scan is not None:
         columns.scalar("plots/sensors/laser_age_ms", (tick.stamp_ns - tick.scan.stamp_ns) * 1e-6)
     if tick.wheels:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
 from runtime.review.columns import ReviewColumns
-from runtime.review.moments import Motion
+from runtime.review.ticks import Motion
 from slam.estimate import Estimate, LandmarkMap
 from slam.observations import Features
 from slam.pose import Pose2, wrap_rads

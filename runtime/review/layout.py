@@ -9,7 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from drivers.measurements import FloatArray
-from runtime.review.moments import ELAPSED
+from runtime.review.ticks import ELAPSED
 from slam.observations import MatchVerdict
 from slam.pose import Pose2
 

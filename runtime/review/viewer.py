@@ -15,7 +15,7 @@ from runtime.errors import ConfigurationError, StorageError
 from runtime.record.folder import RunFolder
 from runtime.record.reader import RunReader
 from runtime.record.trajectories import with_estimates
-from runtime.review.moments import ELAPSED
+from runtime.review.ticks import ELAPSED
 
 LOOPBACK = "127.0.0.1"
 READY_S = 60.0

@@ -1,7 +1,6 @@
 """Draws a run into review.rrd: a pure function of the records, so that it can be made again from run.mcap."""
 
 import os
-import pickle
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -9,30 +8,29 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from drivers.measurements import FloatArray, Scan
+from drivers.measurements import Scan
 from runtime.errors import StorageError
 from runtime.messages.pipe import CARRIED, SEGMENT
 from runtime.messages.tick import Record
 from runtime.record.folder import RunFolder
-from runtime.review.clock_offset import LaserClockOffset
 from runtime.review.columns import SIGMAS, ReviewColumns, mixed
 from runtime.review.curves import draw_curves
+from runtime.review.drawing_state import DrawingState
 from runtime.review.innovation import draw_innovation, innovations, predicted_motion
 from runtime.review.layout import (
     DOUBTED,
     SURE,
     TRUTH,
     VERDICTS,
-    Extent,
     draw_rover,
     draw_set_truth,
     draw_static,
     layout,
 )
-from runtime.review.moments import Moment, MomentAssembler, Motion, beam_points
+from runtime.review.ticks import AssembledTick, Motion, TickAssembler, beam_points
 from runtime.review.truth import TruthTrack
 from runtime.settings.review import ReviewSettings
-from slam.estimate import Estimate, LandmarkMap, Quality
+from slam.estimate import Estimate, Quality
 from slam.observations import BeamVerdict, Features
 from slam.pose import Pose2
 
@@ -46,7 +44,6 @@ LASER_PATHS = {
 TRACE_STEP = 3  # every third point of a scan: a wall stays a wall
 FLUSH_S = 30.0
 QUALITY_LEVELS = {Quality.TRACKING: "INFO", Quality.UNCERTAIN: "WARN", Quality.LOST: "ERROR"}
-STATE = ("_start_ns", "_extent", "_with_truth", "_ends", "_clock", "_before", "_landmarks", "_drawn", "_last_drawn")
 PATHS = ("SLAM", "odometry", "truth")
 
 
@@ -68,18 +65,10 @@ class ReviewWriter:
         self._path = path
         self._settings = settings
         self._body_from_laser = body_from_laser or Pose2()
-        self._moments = MomentAssembler()
-        self._extent = Extent()
-        self._before: Estimate | None = None
-        self._landmarks: LandmarkMap | None = None
-        self._start_ns: int | None = None
-        self._drawn = 0
-        self._last_drawn: dict[str, int] = {}
-        self._with_truth = track is not None
+        self._assembler = TickAssembler()
+        self._state = DrawingState(with_truth=track is not None)
         self._track = track
         self._track_drawn = 0
-        self._clock = LaserClockOffset()
-        self._ends: dict[str, FloatArray] = {}
         self._paths: dict[str, list[tuple[float, float]]] = {name: [] for name in PATHS}
         self._facts = dict(facts or {})
         self._recording = self._begin()
@@ -90,44 +79,46 @@ class ReviewWriter:
         if record.topic == SEGMENT:
             self._rotate(int(record.data))
         elif record.topic == CARRIED:
-            self.__dict__ |= pickle.loads(record.data)
+            self._state = DrawingState.from_bytes(record.data)
         elif record.topic == "/raw/laser":
-            offset_ms = self._clock.feed(record)
-            if offset_ms is not None and self._start_ns is not None:
+            offset_ms = self._state.clock.feed(record)
+            if offset_ms is not None and self._state.start_ns is not None:
                 self._columns.scalar("plots/clock/laser_ms", offset_ms)
-        elif (moment := self._moments.feed(record)) is not None:
-            self._draw(moment)
+        elif (assembled := self._assembler.feed(record)) is not None:
+            self._draw(assembled)
 
     def close(self) -> None:
         """Draw what is left and say how the whole is best looked at. Raises StorageError when the disk was full."""
-        moment = self._moments.last()
-        if moment is not None:
-            self._draw(moment)
+        assembled = self._assembler.last()
+        if assembled is not None:
+            self._draw(assembled)
         self._end()
 
     def carried(self) -> bytes:
         """What another writer has to know to go on after a segment as this one would; it is fed as CARRIED."""
-        return pickle.dumps({name: getattr(self, name) for name in STATE})
+        return self._state.to_bytes()
 
     def _begin(self) -> rr.RecordingStream:
         """A new file; all files of a run have one identity, by which a viewer puts them together."""
         recording = rr.RecordingStream("infant", recording_id=f"infant-{self._path.parent.name}")
         try:
             # a footer would keep a manifest of all chunks in memory: 155 MB an hour
-            recording.save(self._path, layout(self._extent, True), write_footer=False)
+            recording.save(self._path, layout(self._state.extent, True), write_footer=False)
         except (RuntimeError, OSError) as error:
             raise StorageError(f"{self._path} cannot be written ({error}); give a folder that can") from error
         recording.send_recording_name(self._path.parent.name or "run")
         draw_static(recording, self._facts, SIGMAS, self._body_from_laser)
         if self._track is not None:
             draw_set_truth(recording, self._track.landmarks_m)
-        elif self._with_truth:
+        elif self._state.with_truth:
             draw_rover(recording, "map/truth", TRUTH)
         return recording
 
     def _end(self) -> None:
         self._flush()
-        self._recording.send_blueprint(layout(self._extent, self._with_truth), make_active=True, make_default=True)
+        self._recording.send_blueprint(
+            layout(self._state.extent, self._state.with_truth), make_active=True, make_default=True
+        )
         try:
             self._recording.flush(timeout_sec=FLUSH_S)  # the only call that tells of a disk that refused
         except RuntimeError as error:
@@ -137,9 +128,9 @@ class ReviewWriter:
 
     def _rotate(self, number: int) -> None:
         """Close the file under the number of its segment and go on in a new one."""
-        moment = self._moments.last()
-        if moment is not None:
-            self._draw(moment)
+        assembled = self._assembler.last()
+        if assembled is not None:
+            self._draw(assembled)
         self._end()
         try:
             os.replace(self._path, self._path.with_name(RunFolder.closed_review_name(number)))
@@ -148,46 +139,46 @@ class ReviewWriter:
         self._recording = self._begin()
         self._columns = ReviewColumns(self._recording)
 
-    def _draw(self, moment: Moment) -> None:
+    def _draw(self, assembled: AssembledTick) -> None:
         """One tick."""
-        tick, estimate = moment.tick, moment.estimate
-        if self._start_ns is None:
-            self._start_ns = tick.stamp_ns
-        self._columns.at(tick.stamp_ns - self._start_ns, tick.seq)
-        self._draw_events(moment)
-        draw_curves(self._columns, moment)
+        tick, estimate = assembled.tick, assembled.estimate
+        if self._state.start_ns is None:
+            self._state.start_ns = tick.stamp_ns
+        self._columns.at(tick.stamp_ns - self._state.start_ns, tick.seq)
+        self._draw_events(assembled)
+        draw_curves(self._columns, assembled)
         if estimate is not None:
-            motion = Motion.between(self._before, estimate)
+            motion = Motion.between(self._state.before, estimate)
             self._draw_track(tick.stamp_ns)
-            if self._before is not None:
-                self._draw_innovation(estimate, predicted_motion(self._before, estimate, motion))
-            self._draw_poses(estimate, moment.truth)
+            if self._state.before is not None:
+                self._draw_innovation(estimate, predicted_motion(self._state.before, estimate, motion))
+            self._draw_poses(estimate, assembled.truth)
             self._draw_particles(estimate)
             self._draw_landmarks(estimate)
             if isinstance(tick.scan, Scan):
                 self._draw_scan(tick.scan, estimate, motion)
             if estimate.features is not None and estimate.matches is not None:
                 self._draw_association(estimate.features, estimate.matches, motion)
-            self._before = estimate
-        self._drawn += 1
-        if self._drawn % BATCH_TICKS == 0:
+            self._state.before = estimate
+        self._state.drawn += 1
+        if self._state.drawn % BATCH_TICKS == 0:
             self._flush()
 
     def _due(self, what: str, every: int) -> bool:
         """Whether this was last drawn `every` ticks ago or more; a tick without a scan only puts it off."""
-        if self._drawn - self._last_drawn.get(what, -every) < every:
+        if self._state.drawn - self._state.last_drawn.get(what, -every) < every:
             return False
-        self._last_drawn[what] = self._drawn
+        self._state.last_drawn[what] = self._state.drawn
         return True
 
-    def _draw_events(self, moment: Moment) -> None:
-        for event in (*moment.losses, *moment.tick.events):
-            elapsed_ns = max(0, event.stamp_ns - (self._start_ns or 0))
+    def _draw_events(self, assembled: AssembledTick) -> None:
+        for event in (*assembled.losses, *assembled.tick.events):
+            elapsed_ns = max(0, event.stamp_ns - (self._state.start_ns or 0))
             text = f"{event.source} {event.kind}: {event.reason}"
             self._columns.text("events", text, event.severity.value.upper(), elapsed_ns)
-        before, now = self._before, moment.estimate
+        before, now = self._state.before, assembled.estimate
         if now is not None and (before is None or before.quality is not now.quality):
-            elapsed_ns = moment.tick.stamp_ns - (self._start_ns or 0)
+            elapsed_ns = assembled.tick.stamp_ns - (self._state.start_ns or 0)
             self._columns.text("events", f"pose quality: {now.quality}", QUALITY_LEVELS[now.quality], elapsed_ns)
 
     def _draw_poses(self, estimate: Estimate, truth: Pose2 | None) -> None:
@@ -199,9 +190,9 @@ class ReviewWriter:
         self._paths["SLAM"].append((pose.x_m, pose.y_m))
         self._paths["odometry"].append((estimate.odom_from_body.x_m, estimate.odom_from_body.y_m))
         if truth is not None:
-            if not self._with_truth:
+            if not self._state.with_truth:
                 draw_rover(self._recording, "map/truth", TRUTH)
-            self._with_truth = True
+            self._state.with_truth = True
             self._columns.pose("map/truth", truth)
             self._paths["truth"].append((truth.x_m, truth.y_m))
 
@@ -215,12 +206,14 @@ class ReviewWriter:
             return
         self._columns.points("map/truth_places", self._track.places_m[passed])
         self._columns.scalar("plots/error/SLAM_m", float(self._track.errors_m[passed][-1]))
-        self._extent = self._extent.with_points(self._track.places_m[passed])
+        self._state.extent = self._state.extent.with_points(self._track.places_m[passed])
 
     def _draw_innovation(self, estimate: Estimate, predicted: Motion) -> None:
-        if self._landmarks is None or estimate.features is None or estimate.matches is None:
+        if self._state.landmarks is None or estimate.features is None or estimate.matches is None:
             return
-        errors = innovations(estimate.features, estimate.matches, self._landmarks, predicted, self._body_from_laser)
+        errors = innovations(
+            estimate.features, estimate.matches, self._state.landmarks, predicted, self._body_from_laser
+        )
         draw_innovation(self._columns, *errors)
 
     def _draw_particles(self, estimate: Estimate) -> None:
@@ -231,7 +224,7 @@ class ReviewWriter:
         landmarks = estimate.landmarks
         if landmarks is None:
             return
-        self._landmarks = landmarks
+        self._state.landmarks = landmarks
         sure = 1.0 / (1.0 + np.exp(-landmarks.existence_log_odds))
         colors = mixed(DOUBTED, SURE, sure)
         labels = [f"{name} ({p:.2f})" for name, p in zip(landmarks.identities.tolist(), sure.tolist(), strict=True)]
@@ -243,7 +236,7 @@ class ReviewWriter:
             landmarks.covariances_m2,
             see_through,
         )
-        self._extent = self._extent.with_points(landmarks.means_m)
+        self._state.extent = self._state.extent.with_points(landmarks.means_m)
 
     def _draw_scan(self, scan: Scan, estimate: Estimate, motion: Motion) -> None:
         """Each beam where the laser was when it was taken, in the colour of what the front end made of it."""
@@ -268,8 +261,8 @@ class ReviewWriter:
         points_m = motion.to_map(stamps_ns, laser_m, self._body_from_laser)
         where_m = (
             {}
-            if self._landmarks is None
-            else dict(zip(self._landmarks.identities.tolist(), self._landmarks.means_m, strict=True))
+            if self._state.landmarks is None
+            else dict(zip(self._state.landmarks.identities.tolist(), self._state.landmarks.means_m, strict=True))
         )
         rover_m = np.array((motion.map_from_body.x_m, motion.map_from_body.y_m))
         spokes_m = [
@@ -290,10 +283,10 @@ class ReviewWriter:
             if not points:
                 continue
             piece_m = np.array(points)
-            if name in self._ends:
-                piece_m = np.concatenate((self._ends[name], piece_m))
-            self._ends[name] = piece_m[-1:]
-            self._extent = self._extent.with_points(piece_m)
+            if name in self._state.path_ends_m:
+                piece_m = np.concatenate((self._state.path_ends_m[name], piece_m))
+            self._state.path_ends_m[name] = piece_m[-1:]
+            self._state.extent = self._state.extent.with_points(piece_m)
             if len(piece_m) > 1:
                 self._columns.strips(f"map/path/{name}", [piece_m])
             points.clear()

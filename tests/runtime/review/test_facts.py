@@ -17,8 +17,8 @@ from runtime.record.mcap_file import RunWriter
 from runtime.record.reader import RunReader
 from runtime.review.clock_offset import LaserClockOffset
 from runtime.review.innovation import innovations, predicted_motion
-from runtime.review.moments import Motion
 from runtime.review.rebuild import build_review
+from runtime.review.ticks import Motion
 from runtime.review.truth import truth_track
 from runtime.review.viewer import review_paths
 from runtime.settings.configuration import load_configuration_text

@@ -17,7 +17,7 @@ from runtime.errors import StorageError
 from runtime.messages.tick import Gap, Record, encode_gap, encode_tick
 from runtime.review.columns import ellipse_axes, mixed
 from runtime.review.layout import Extent
-from runtime.review.moments import MomentAssembler, Motion, beam_points
+from runtime.review.ticks import Motion, TickAssembler, beam_points
 from runtime.review.writer import ReviewWriter
 from runtime.settings.review import ReviewSettings
 from slam.estimate import Estimate
@@ -171,12 +171,12 @@ def test_scans_on_every_other_tick_leave_a_trace_all_the_same(
         if not blind:
             sparse.append(record)
         elif record.topic == "/tick":
-            seen = MomentAssembler()
+            seen = TickAssembler()
             seen.feed(Record("/scan", 0, records[0].data))
             seen.feed(record)
-            moment = seen.last()
-            assert moment is not None
-            sparse.append(encode_tick(replace(moment.tick, scan=None)))
+            assembled = seen.last()
+            assert assembled is not None
+            sparse.append(encode_tick(replace(assembled.tick, scan=None)))
         elif record.topic != "/scan":
             sparse.append(record)
     monkeypatch.setattr("runtime.review.writer.TRACE_EVERY", 5)
@@ -265,9 +265,9 @@ def test_colours_run_from_doubt_to_certainty() -> None:
 
 
 def test_the_assembler_gives_each_tick_when_the_next_begins(records: list[Record]) -> None:
-    assembler = MomentAssembler()
-    moments = [moment for record in records if (moment := assembler.feed(record)) is not None]
+    assembler = TickAssembler()
+    assembled_ticks = [assembled for record in records if (assembled := assembler.feed(record)) is not None]
     last = assembler.last()
     assert last is not None
-    assert [moment.tick.seq for moment in (*moments, last)] == list(range(TICKS))
-    assert all(moment.truth is not None and moment.timing is not None for moment in moments)
+    assert [assembled.tick.seq for assembled in (*assembled_ticks, last)] == list(range(TICKS))
+    assert all(assembled.truth is not None and assembled.timing is not None for assembled in assembled_ticks)

@@ -18,7 +18,7 @@ ELAPSED, TICK = "elapsed", "tick"
 
 
 @dataclass(slots=True)
-class Moment:
+class AssembledTick:
     """One tick and what came of it; what was not recorded is None. losses: what the record says it lost before."""
 
     tick: Tick
@@ -28,49 +28,49 @@ class Moment:
     truth: Pose2 | None = None
 
 
-class MomentAssembler:
-    """Takes records in the order of writing and gives a moment when the next one begins."""
+class TickAssembler:
+    """Takes records in the order of writing and gives each tick when the next one begins."""
 
     def __init__(self) -> None:
-        self.incomplete = 0  # ticks whose scan was lost on the way here
         self._ranges_m: NDArray[np.float32] | None = None
         self._losses: list[Event] = []
-        self._current: Moment | None = None
+        self._current: AssembledTick | None = None
 
-    def feed(self, record: Record) -> Moment | None:
-        """The moment before this record if the record begins another, else None."""
-        moment = self._current
+    def feed(self, record: Record) -> AssembledTick | None:
+        """The tick before this record if the record begins another, else None."""
+        assembled = self._current
         match record.topic:
             case "/scan":
                 self._ranges_m = decode_ranges_m(record.data)
             case "/tick":
                 self._begin(record)
-                return moment
+                return assembled
             case "/gap":
                 gap = decode_gap(record.data)
                 reason = f"{gap.ticks} tick(s) and {gap.raw} raw message(s) lost: {gap.reason}"
                 self._losses.append(Event(gap.stamp_ns, "record", "gap", reason, Severity.WARN))
-            case "/estimate" if moment is not None:
-                moment.estimate = decode_estimate(record.data)
-            case "/timing" if moment is not None:
-                moment.timing = decode_timing(record.data)
-            case "/truth" if moment is not None:
-                moment.truth = decode_truth(record.data)
+            case "/estimate" if assembled is not None:
+                assembled.estimate = decode_estimate(record.data)
+            case "/timing" if assembled is not None:
+                assembled.timing = decode_timing(record.data)
+            case "/truth" if assembled is not None:
+                assembled.truth = decode_truth(record.data)
         return None
 
-    def last(self) -> Moment | None:
-        """The moment that no other has followed."""
-        moment, self._current = self._current, None
-        return moment
+    def last(self) -> AssembledTick | None:
+        """The tick that no other has followed."""
+        assembled, self._current = self._current, None
+        return assembled
 
     def _begin(self, record: Record) -> None:
         try:
             tick = decode_tick(record.data, self._ranges_m)
         except ValueError:
-            self.incomplete += 1
+            reason = "a tick is not drawn: its scan was lost on the way to the drawing; infant review draws it"
+            self._losses.append(Event(record.stamp_ns, "review", "incomplete", reason, Severity.WARN))
             self._current = None
         else:
-            self._current = Moment(tick, tuple(self._losses))
+            self._current = AssembledTick(tick, tuple(self._losses))
             self._losses.clear()
         self._ranges_m = None
 
