@@ -73,6 +73,19 @@ def test_only_the_simulated_rover_knows_of_the_simulation() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+def test_the_product_stands_on_no_study() -> None:
+    """Only the command line starts one."""
+    wrong = [
+        f"{path.relative_to(ROOT)} imports {name}"
+        for package in OURS
+        for path, name in all_imports(package)
+        if name.startswith("runtime.studies.")
+        and not path.is_relative_to(ROOT / "runtime" / "studies")
+        and not path.is_relative_to(ROOT / "runtime" / "cli")
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
 @pytest.mark.parametrize(
     ("package", "name", "expected"),
     [

@@ -63,7 +63,7 @@ def _rows(motion: LaserMotion, model: WheelModel, parameters: FloatArray) -> Flo
     """(n, 3): metres, radians, and change of wheel speed m/s from begin to end of each step."""
     steps = body_steps(motion, model, parameters)
     times = motion.times_s - parameters[-1]
-    velocities = model.track(motion.series, parameters).velocity(times.ravel(), 0.2).reshape(-1, 2, 2)
+    velocities = model.dead_reckoning(motion.series, parameters).velocity(times.ravel(), 0.2).reshape(-1, 2, 2)
     change = np.diff(velocities, axis=1)[:, 0]
     # half a metre from the centre a change of the yaw rate is worth so much speed
     changes = np.abs(change[:, 0]) + 0.5 * np.abs(change[:, 1])

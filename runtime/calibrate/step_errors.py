@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
 from drivers.measurements import BoolArray, FloatArray
+from runtime.calibrate.dead_reckoning import chord, seen_by_laser
 from runtime.calibrate.scans.laser_motion import LaserMotion
-from runtime.calibrate.track import chord, seen_by_laser
 from runtime.calibrate.wheel_model import WheelModel
 from slam.pose import composed, inverted
 
@@ -54,7 +54,7 @@ class StepErrors:
 
 def body_steps(motion: LaserMotion, model: WheelModel, parameters: FloatArray) -> FloatArray:
     """Motion (n, 3) of the body in every step as the wheels tell it."""
-    wheels = model.track(motion.series, parameters)
+    wheels = model.dead_reckoning(motion.series, parameters)
     poses = wheels.at(motion.times_s.ravel() - parameters[-1]).reshape(-1, 2, 3)
     return composed(inverted(poses[:, 0]), poses[:, 1])
 

@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from drivers.measurements import FloatArray
+from runtime.calibrate.dead_reckoning import DeadReckoning, dead_reckoning
 from runtime.calibrate.drive_data import CalibrationStart, SteeringStart, WheelSeries
-from runtime.calibrate.track import Track, track
 from slam.pose import Pose2
 
 MOUNT_NAMES = ("laser_x_m", "laser_y_m", "laser_yaw_rad", "laser_latency_s")
@@ -31,7 +31,7 @@ class WheelModel(Protocol):
     def prior(self) -> FloatArray:
         """(p,) standard deviations around them."""
 
-    def track(self, series: WheelSeries, parameters: FloatArray) -> Track:
+    def dead_reckoning(self, series: WheelSeries, parameters: FloatArray) -> DeadReckoning:
         """Dead reckoning of a drive."""
 
     def noise_arms(self, parameters: FloatArray) -> FloatArray:
@@ -72,10 +72,10 @@ class DifferentialModel:
         """A tenth of a radius (a wrong tyre), a fifth of the tread (wheels that scrub)."""
         return np.array((*(self.start[:3] * (0.1, 0.1, 0.2)), *MOUNT_PRIOR))
 
-    def track(self, series: WheelSeries, parameters: FloatArray) -> Track:
+    def dead_reckoning(self, series: WheelSeries, parameters: FloatArray) -> DeadReckoning:
         """Distance is the mean of both wheels, heading their difference over the tread."""
         travel = self._travel_m(series, parameters)
-        return track(series.times_s, travel.mean(axis=1), (travel[:, 1] - travel[:, 0]) / parameters[2])
+        return dead_reckoning(series.times_s, travel.mean(axis=1), (travel[:, 1] - travel[:, 0]) / parameters[2])
 
     def noise_arms(self, parameters: FloatArray) -> FloatArray:
         """A metre of slip of one wheel moves the centre by half a metre."""
@@ -135,7 +135,7 @@ class SteeredModel:
         """A tenth of the speed, a fifth of the steering, 3 degrees of bias."""
         return np.array((0.1, 0.2, 0.05, *MOUNT_PRIOR))
 
-    def track(self, series: WheelSeries, parameters: FloatArray) -> Track:
+    def dead_reckoning(self, series: WheelSeries, parameters: FloatArray) -> DeadReckoning:
         """Speed and steering held until the next sample; the speed of a wheel beside the centre is brought to it."""
         speed = series.values[:-1, 0] * parameters[0]
         slope = np.tan(parameters[1] * series.values[:-1, 1] + parameters[2])
@@ -143,7 +143,7 @@ class SteeredModel:
         steps = speed / (1.0 - slope * self.initial.speed_wheel_offset_m / wheel_base) * np.diff(series.times_s)
         distances = np.concatenate(((0.0,), np.cumsum(steps)))
         headings = np.concatenate(((0.0,), np.cumsum(steps * slope / wheel_base)))
-        return track(series.times_s, distances, headings)
+        return dead_reckoning(series.times_s, distances, headings)
 
     def noise_arms(self, parameters: FloatArray) -> FloatArray:  # noqa: ARG002 (the same for all parameters)
         """Forward metre for metre; a metre sideways at the steered axle turns by 1 / wheel base."""
@@ -151,7 +151,7 @@ class SteeredModel:
 
     def noise_weights(self, series: WheelSeries, parameters: FloatArray, times_s: FloatArray) -> FloatArray:
         """Metres driven, for both."""
-        drive = self.track(series, parameters)
+        drive = self.dead_reckoning(series, parameters)
         rolled = np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(drive.distances_m)))))
         metres = np.interp(times_s, series.times_s, rolled)
         return np.stack((metres, metres), axis=-1)

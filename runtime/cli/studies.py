@@ -61,7 +61,7 @@ def sweep(
     as_json: AsJson = False,
 ) -> None:
     """Replay recorded runs with every combination of settings and seeds; one table as Parquet and CSV."""
-    from runtime.studies import sweep as sweeping
+    from runtime.studies import parameter_sweep as sweeping
 
     result = sweeping.sweep(runs, set_ or [], seeds, out, chosen_scheduler(scheduler), job_progress("sweep"))
     typer.echo(json.dumps(result) if as_json else f"{result['rows']} rows: {result['csv']}, {result['parquet']}")
@@ -94,7 +94,7 @@ def quality(
     as_json: AsJson = False,
 ) -> None:
     """How often a kidnapped or blinded rover says that it is lost, and how often one says so that is not."""
-    from runtime.studies.quality import study as studies
+    from runtime.studies.loss_detection import study as studies
     from slam.estimator import Estimator
 
     Estimator.warm_up()

@@ -1,4 +1,4 @@
-"""Does the loop keep its rate beside hungry neighbours? A run of its own, with and without real-time privileges."""
+"""Does the loop keep its rate beside busy processes? A run of its own, with and without real-time privileges."""
 
 import ctypes
 import json
@@ -55,7 +55,7 @@ def measure_rate(
             "--json",
             *words,
         ]
-        with neighbours(hogs, folder / "synced" if syncing else None):
+        with busy_processes(hogs, folder / "synced" if syncing else None):
             load = os.getloadavg()[0]
             done = subprocess.run(
                 command, stdout=subprocess.PIPE, text=True, preexec_fn=None if privileged else give_up_privileges
@@ -78,11 +78,11 @@ def measure_rate(
 def rate_lines(measured: dict[str, Any]) -> list[str]:
     """Each figure beside what it must be; without privileges beats may be missed, but not uncounted."""
     late, overhead = measured["lateness_ms"], measured["overhead_ms"]["p99"]
-    asked = measured["privileged"]
+    privileged = measured["privileged"]
     rate_off = abs(measured["rate_hz"] / 10.0 - 1.0)
     no_drift = abs(measured["beat_hz"] - 10.0) <= DRIFT_HZ
     rows = [("beats", f"{measured['beat_hz']:.6f} Hz", "10 Hz, no drift", no_drift)]
-    if asked:
+    if privileged:
         rows += [
             ("rate", f"{measured['rate_hz']:.4f} Hz", "10.00 Hz +- 0.1 %", rate_off <= RATE_TOLERANCE),
             ("overhead p99", f"{overhead:.2f} ms", f"{OVERHEAD_P99_MS:g} ms", overhead <= OVERHEAD_P99_MS),
@@ -92,12 +92,12 @@ def rate_lines(measured: dict[str, Any]) -> list[str]:
         ]
     head = (
         f"{measured['minutes']:g} min, {measured['hogs']} hogs, fsync loop {'on' if measured['fsync'] else 'off'}, "
-        f"{'with' if asked else 'without'} real-time privileges, "
+        f"{'with' if privileged else 'without'} real-time privileges, "
         f"load {measured['load_before']} before and {measured['load_after']} after"
     )
     lines = [head]
     lines += [f"{name:14s} {value:>12s}  must {must:18s} {'ok' if ok else 'NOT MET'}" for name, value, must, ok in rows]
-    if not asked:
+    if not privileged:
         lines.append(f"missed {measured['missed']} beats, {measured['rate_hz']:.4f} Hz kept")
         lines.append(f"wake-up p99 {late['p99']:.2f} ms, max {late['max']:.2f} ms; overhead p99 {overhead:.2f} ms")
     return lines + [
@@ -107,7 +107,7 @@ def rate_lines(measured: dict[str, Any]) -> list[str]:
 
 
 @contextmanager
-def neighbours(hogs: int, synced: Path | None) -> Iterator[None]:
+def busy_processes(hogs: int, synced: Path | None) -> Iterator[None]:
     """Processes that take what they can get of the processor and of the disk."""
     programs = [[HOG]] * hogs + ([[FSYNC_LOOP, str(synced)]] if synced is not None else [])
     processes = [subprocess.Popen([sys.executable, "-c", *words], preexec_fn=end_with_parent) for words in programs]
@@ -120,7 +120,7 @@ def neighbours(hogs: int, synced: Path | None) -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """In the child: a neighbour that nobody ends would stay for ever."""
+    """In the child: a busy process that nobody ends would stay for ever."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 

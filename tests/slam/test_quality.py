@@ -7,7 +7,7 @@ import pytest
 
 import slam.quality
 from drivers.settings.simulated_world import WorldSettings
-from runtime.studies.quality.drives import BLINDED, KIDNAPPED, Mishap, MishapKind, draw_mishap, moments
+from runtime.studies.loss_detection.drives import BLINDED, KIDNAPPED, Mishap, MishapKind, draw_mishap, simulated_ticks
 from slam.estimate import Estimate, Quality
 from slam.estimator import Estimator
 from slam.joint.evidence import Evidence
@@ -95,8 +95,8 @@ def test_every_doubt_has_a_reason_whose_name_does_not_change_with_its_figures() 
 
 def drive(mishap: Mishap, settings: WorldSettings, until_s: float) -> list[Estimate]:
     estimator = Estimator(SlamSettings.model_validate({"particles": 5, "mount": {"x_m": 0.3}}), 1)
-    steps = moments(settings, until_s, mishap)
-    return [estimator.step(moment.stamp_ns, moment.scan, moment.wheels) for moment in steps]
+    steps = simulated_ticks(settings, until_s, mishap)
+    return [estimator.step(tick.stamp_ns, tick.scan, tick.wheels) for tick in steps]
 
 
 @pytest.mark.parametrize("kind", [KIDNAPPED[2], *BLINDED])

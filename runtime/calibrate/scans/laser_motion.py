@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
+from runtime.calibrate.dead_reckoning import DeadReckoning, seen_by_laser
 from runtime.calibrate.drive_data import DriveData, WheelSeries
 from runtime.calibrate.scans.match import Match, match
 from runtime.calibrate.scans.shapes import Shapes, shapes
-from runtime.calibrate.track import Track, seen_by_laser
 from runtime.calibrate.wheel_model import WheelModel
 from slam.pose import composed, inverted, rotated
 
@@ -20,7 +20,7 @@ LONGEST_S = 5.0
 STILL = 0.01  # m, rad, m/s, rad/s: less is no motion
 SPEED_WINDOW_S = 0.2
 FEWEST_PAIRS = 4
-MOST_ASTRAY = 0.5
+MOST_OUTLIERS = 0.5
 MOST_STEPS = 100_000
 # mean velocity over so long to either side undoes the motion within a sweep: a shorter window lets slip into the
 # laser's account as well, where it passes for latency
@@ -46,7 +46,7 @@ def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray) ->
     series = drive.wheel_series()
     stamps = drive.scan_times_s()
     mount, latency = parameters[-4:-1], float(parameters[-1])
-    wheels = model.track(series, parameters)
+    wheels = model.dead_reckoning(series, parameters)
     true_s = stamps - latency
     known = (true_s > series.times_s[0]) & (true_s < series.times_s[-1])
     seen: dict[int, Shapes] = {}
@@ -62,14 +62,14 @@ def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray) ->
     failed = 0
     # the same keyframes in every pass: a step more or less would move the result by a part of its interval
     start = model.start
-    chosen = keyframes(model.track(series, start), stamps - start[-1], known)
+    chosen = keyframes(model.dead_reckoning(series, start), stamps - start[-1], known)
     pairs = list(pairwise(chosen))[::-1]
     while pairs:
         there, here = pairs.pop()
         if _silence(series, true_s[there], true_s[here]):
             continue
         result = match(shapes_of(there), shapes_of(here), _guess(wheels, true_s[[there, here]], mount))
-        if result.pairs >= FEWEST_PAIRS and result.astray <= MOST_ASTRAY:
+        if result.pairs >= FEWEST_PAIRS and result.outlier_share <= MOST_OUTLIERS:
             steps.append((there, here, result))
         elif here - there > 1 and len(pairs) + len(steps) < MOST_STEPS:
             # too far apart to see the same: two shorter steps
@@ -86,7 +86,7 @@ def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray) ->
     )
 
 
-def keyframes(wheels: Track, times_s: FloatArray, known: NDArray[np.bool_]) -> list[int]:
+def keyframes(wheels: DeadReckoning, times_s: FloatArray, known: NDArray[np.bool_]) -> list[int]:
     """Numbers of the scans that are matched: a fixed time apart while the rover moves.
 
     The time is such that nine tenths of the steps stay within KEYFRAME_M and KEYFRAME_RAD. Steps chosen by the distance
@@ -112,12 +112,12 @@ def keyframes(wheels: Track, times_s: FloatArray, known: NDArray[np.bool_]) -> l
     return chosen
 
 
-def _gone_through(wheels: Track, values: FloatArray, times_s: FloatArray) -> FloatArray:
+def _gone_through(wheels: DeadReckoning, values: FloatArray, times_s: FloatArray) -> FloatArray:
     """Sum of all changes of the values up to the times, whatever their sign."""
     return np.interp(times_s, wheels.times_s, np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(values))))))
 
 
-def laser_twist(wheels: Track, time_s: float, mount: FloatArray) -> FloatArray:
+def laser_twist(wheels: DeadReckoning, time_s: float, mount: FloatArray) -> FloatArray:
     """Velocity (3,) of the laser in its own frame: m/s ahead and left, rad/s."""
     speed, yaw_rate = wheels.velocity(np.array([time_s]), VELOCITY_WINDOW_S)[0]
     x, y, heading = mount
@@ -125,7 +125,7 @@ def laser_twist(wheels: Track, time_s: float, mount: FloatArray) -> FloatArray:
     return np.array((ahead, left, yaw_rate))
 
 
-def _guess(wheels: Track, times_s: FloatArray, mount: FloatArray) -> FloatArray:
+def _guess(wheels: DeadReckoning, times_s: FloatArray, mount: FloatArray) -> FloatArray:
     poses = wheels.at(times_s)
     body = composed(inverted(poses[:1]), poses[1:])
     guess: FloatArray = seen_by_laser(body, mount)[0]

@@ -17,19 +17,19 @@ UNKNOWN_M, UNKNOWN_RAD = 1.0, 1.0  # a direction that no shape fixes keeps this 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Match:
-    """before_from_after of the laser: mean (3,), covariance (3, 3); pairs used; astray: share beyond 3 deviations."""
+    """before_from_after of the laser: mean (3,), covariance (3, 3); pairs used; outlier_share: beyond 3 deviations."""
 
     mean: FloatArray
     covariance: FloatArray
     pairs: int
-    astray: float
+    outlier_share: float
 
 
 def match(before: Shapes, after: Shapes, guess: FloatArray) -> Match:
     """Align; `guess` (3,) is before_from_after as the wheels say. With nothing in common the covariance stays wide."""
     pose = guess.copy()
     prior = np.array((UNKNOWN_M**-2, UNKNOWN_M**-2, UNKNOWN_RAD**-2))
-    scale, pairs, astray = 1.0, 0, 0.0
+    scale, pairs, outlier_share = 1.0, 0, 0.0
     information = np.diag(prior)
     for gate in GATES_M:
         edges, things = _paired_edges(before, after, pose, gate), _paired_things(before, after, pose, gate)
@@ -44,10 +44,10 @@ def match(before: Shapes, after: Shapes, guess: FloatArray) -> Match:
             gradient = (jacobian * weights[:, None]).T @ residuals / scale**2 + prior * (pose - guess)
             step = np.linalg.solve(information, gradient)
             pose = pose - step
-            astray = float(np.mean(np.abs(residuals) > 3.0 * scale))
+            outlier_share = float(np.mean(np.abs(residuals) > 3.0 * scale))
             if np.abs(step).max() < 1e-6:
                 break
-    return Match(pose, np.linalg.inv(information), pairs, astray)
+    return Match(pose, np.linalg.inv(information), pairs, outlier_share)
 
 
 def _placed(points: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -5,7 +5,7 @@ import numpy as np
 from drivers.measurements import Event, Severity
 from runtime.report.facts import RunFacts
 from runtime.report.finding import Finding, intervals_where, silences, span_text, spans_text
-from runtime.report.findings.silence import beaten
+from runtime.report.findings.silence import while_recorded
 
 SILENT_S = 0.5  # five sweeps at 10 Hz: one or two lost sweeps are not silence
 SILENT_PERIODS = 5.0  # the same for slower lasers
@@ -51,7 +51,7 @@ def expected_period_s(facts: RunFacts) -> float:
 
 def _silent(facts: RunFacts) -> list[Finding]:
     least_s = max(SILENT_S, SILENT_PERIODS * expected_period_s(facts))
-    intervals = beaten(facts, silences(facts.scans.times_s, facts.duration_s, least_s))
+    intervals = while_recorded(facts, silences(facts.scans.times_s, facts.duration_s, least_s))
     if not intervals:
         return []
     longest = max(end - start for start, end in intervals)

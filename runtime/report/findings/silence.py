@@ -5,15 +5,15 @@ import numpy as np
 from runtime.report.facts import RunFacts
 from runtime.report.finding import Interval
 
-BEATEN_SHARE = 0.5
+RECORDED_SHARE = 0.5
 
 
-def beaten(facts: RunFacts, intervals: tuple[Interval, ...]) -> tuple[Interval, ...]:
+def while_recorded(facts: RunFacts, intervals: tuple[Interval, ...]) -> tuple[Interval, ...]:
     """Those during which the loop went on and was recorded: where ticks are missing too, no sensor was silent."""
     usual_s = float(np.median(np.diff(facts.ticks.times_s))) if facts.ticks.times_s.size > 1 else 0.1
     kept = []
     for start, end in intervals:
         ticks = int(np.count_nonzero((facts.ticks.times_s >= start) & (facts.ticks.times_s <= end)))
-        if ticks >= BEATEN_SHARE * (end - start) / usual_s:
+        if ticks >= RECORDED_SHARE * (end - start) / usual_s:
             kept.append((start, end))
     return tuple(kept)

@@ -7,7 +7,7 @@ import numpy as np
 from drivers.measurements import Event, Severity
 from runtime.report.facts import RunFacts
 from runtime.report.finding import Finding, intervals_where, silences, spans_text
-from runtime.report.findings.silence import beaten
+from runtime.report.findings.silence import while_recorded
 from runtime.report.wheel_calibration import WINDOW_S
 
 SILENT_S = 0.5  # as slam.odometry.gap_s: from then on the motion is unknown
@@ -39,7 +39,7 @@ def wheel_findings(facts: RunFacts) -> list[Finding]:
 def _silent(facts: RunFacts) -> list[Finding]:
     good_s = facts.wheels.times_s[facts.wheels.valid]
     usual_s = float(np.median(np.diff(good_s))) if good_s.size > 2 else 0.02
-    intervals = beaten(facts, silences(good_s, facts.duration_s, max(SILENT_S, SILENT_PERIODS * usual_s)))
+    intervals = while_recorded(facts, silences(good_s, facts.duration_s, max(SILENT_S, SILENT_PERIODS * usual_s)))
     if not intervals:
         return []
     longest = max(end - start for start, end in intervals)

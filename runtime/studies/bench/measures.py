@@ -166,8 +166,8 @@ def tick_times(rows: list[tuple[int, Scan, WheelCounts, Pose2]]) -> FloatArray:
 def start_warm() -> Measure:
     """From the start of a process to the end of its first tick, with a warm compile cache, s of the wall clock."""
     program = (
-        "import runtime.wiring, runtime.live\n"
-        "from slam.estimator import Estimator\nfrom slam.settings import SlamSettings\n"
+        "import runtime.live.parts, runtime.live.run\n"
+        "from slam.estimator import Estimator\nfrom slam.settings.slam import SlamSettings\n"
         "Estimator.warm_up(SlamSettings())\n"
         "Estimator(SlamSettings(), 1).step(0, None, ())\n"
     )

@@ -7,9 +7,9 @@ there is shown by leaving out 5 % of what was seen.
 
 from collections.abc import Iterable, Sequence
 
-from runtime.studies.paper.asked import RATIO, WORST, Wanted, wanted
 from runtime.studies.paper.drives.arms import PROPOSED
 from runtime.studies.paper.study import BLIND, Row
+from runtime.studies.paper.targets import RATIO, WORST, Target, targets
 
 UNSCENTED_QUANTITIES = ("particles_largest_m", "particles_aligned_rms_m", "particles_aligned_trimmed_rms_m")
 
@@ -17,7 +17,7 @@ UNSCENTED_QUANTITIES = ("particles_largest_m", "particles_aligned_rms_m", "parti
 def published_rows(spreads: Sequence[Row], comparisons: Sequence[Row]) -> list[Row]:
     """Each figure with its 95 % interval and whether it is what was asked for; those without a run are left out."""
     rows = []
-    for figure in wanted():
+    for figure in targets():
         source = comparisons if figure.against else spreads
         found = _row_of(figure, source)
         if found is None:
@@ -35,8 +35,8 @@ def published_rows(spreads: Sequence[Row], comparisons: Sequence[Row]) -> list[R
                 "low": low,
                 "high": high,
                 "seeds": found["seeds"],
-                "must": None if figure.asked is None else figure.asked[0],
-                "aim": None if figure.asked is None else figure.asked[1],
+                "must": None if figure.limits is None else figure.limits[0],
+                "aim": None if figure.limits is None else figure.limits[1],
                 "reached": _reached(figure, value),
             }
         )
@@ -79,7 +79,7 @@ def published_lines(rows: Iterable[Row], unscented: Iterable[Row]) -> list[str]:
     return lines
 
 
-def _row_of(figure: Wanted, rows: Sequence[Row]) -> Row | None:
+def _row_of(figure: Target, rows: Sequence[Row]) -> Row | None:
     for row in rows:
         same = row["world"] == figure.world and row["arm"] == PROPOSED and row["quantity"] == figure.quantity
         same &= row["left_out"] == figure.left_out and row["particles"] == figure.particles
@@ -96,9 +96,9 @@ def _values(statistic: str, row: Row) -> tuple[float, float | None, float | None
     return row[statistic], row[f"{statistic}_low"], row[f"{statistic}_high"]
 
 
-def _reached(figure: Wanted, value: float) -> str:
-    if figure.asked is None:
+def _reached(figure: Target, value: float) -> str:
+    if figure.limits is None:
         return ""
-    must, aim = figure.asked
+    must, aim = figure.limits
     least_must, least_aim = (1.0, 2.0) if figure.quantity == "nees_median" else (-1.0, -1.0)
     return "aim" if least_aim <= value <= aim else "must" if least_must <= value <= must else "not reached"

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import StorageError
-from runtime.studies.paper import pictures as figures
+from runtime.optional_packages import needs
 from runtime.studies.paper import tables
 from runtime.studies.paper.claims import OURS, claims
 from runtime.studies.paper.page import report_lines
@@ -18,8 +18,10 @@ def reproduce(
 ) -> dict[str, Any]:
     """Run what is missing, write pictures and tables into folder, and return what --json prints.
 
-    Raises UsageError without a scheduler, StorageError where folder cannot be written.
+    Raises UsageError without matplotlib or a scheduler, StorageError where folder cannot be written.
     """
+    with needs("matplotlib", "infant paper"):  # said before the hours of computing, not after
+        from runtime.studies.paper import pictures as figures
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -14,7 +14,7 @@ from drivers.simulated.laser.device import LaserDevice
 from drivers.simulated.rover import FAR_NS, WHEEL_STREAM, world_for
 from drivers.simulated.world.world import World
 from runtime.studies.soak.clock import Leap
-from runtime.studies.soak.sweeps import SweepsAhead
+from runtime.studies.soak.scans_ahead import ScansAhead
 from runtime.studies.soak.wheels import SteppedWheels
 from runtime.tick import Sink
 from slam.pose import Pose2
@@ -49,7 +49,7 @@ class SteppedRover:
         self._now_ns = now_ns
         self._world = World(settings)
         self._start_ns: int | None = None
-        self._sweeps = SweepsAhead(settings)
+        self._sweeps = ScansAhead(settings)
         self._device = LaserDevice(simulation.laser, lambda t_ns: self._sweeps.at(self._world_ns(t_ns)), now_ns)
         self._wheels = SteppedWheels(
             simulation.wheels,

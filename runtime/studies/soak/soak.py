@@ -32,8 +32,8 @@ from runtime.settings.configuration import Configuration, load_configuration, lo
 from runtime.settings.overrides import key_values
 from runtime.studies.soak.clock import LeapingClock
 from runtime.studies.soak.listener import Listener
+from runtime.studies.soak.process_sampler import ProcessSampler, Sample, fitted_growth, open_files, settled
 from runtime.studies.soak.rover import SteppedRover
-from runtime.studies.soak.track import ProcessTrack, Sample, fitted_growth, open_files, settled
 
 BUDGET_GB = 0.2
 WHOLE_REPLAY_S = 600.0  # a longer drive is replayed over its last segment only
@@ -55,7 +55,7 @@ def soak(
     folder = RunFolder.create(out / "run", out)
     driven_s = MINUTE_S * minutes * speed
     beats = round(driven_s * configuration.loop.rate_hz)
-    track = ProcessTrack(min(MINUTE_S, driven_s / SAMPLES_MIN), beats - 1)
+    track = ProcessSampler(min(MINUTE_S, driven_s / SAMPLES_MIN), beats - 1)
     open_before = open_files()
     with stepped(configuration, speed) as (rover, clock):
         wired = configuration.model_copy(update={"laser": rover.laser, "encoders": rover.encoders, "simulation": None})

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from runtime.calibrate.dead_reckoning import seen_by_laser
 from runtime.calibrate.step_errors import estimate_noise, slip_from_heading, step_errors, twist_jacobian
-from runtime.calibrate.track import seen_by_laser
 from runtime.calibrate.wheel_model import DifferentialModel
 from slam.pose import composed
 from tests.support.runtime.made_drives import START, Rover, made_motion, weaving

@@ -29,7 +29,7 @@ def test_dead_reckoning_is_the_filters_own() -> None:
     model = DifferentialModel(START)
     values = model.start.copy()
     values[:3] = 0.12, 0.13, 0.45
-    pose = model.track(series, values).poses[-1]
+    pose = model.dead_reckoning(series, values).poses[-1]
     expected = odometry.odom_from_body
     np.testing.assert_allclose(pose[:2], (expected.x_m, expected.y_m), atol=1e-6)
 
@@ -42,7 +42,7 @@ def test_steered_dead_reckoning_is_the_filters_own() -> None:
     for sample in samples:
         odometry.take_until(sample.stamp_ns)
     model = SteeredModel(SteeringStart(steering_scale=1.05, steering_bias_rad=0.01))
-    pose = model.track(DriveData("made", (), tuple(samples)).wheel_series(), model.start).poses[-1]
+    pose = model.dead_reckoning(DriveData("made", (), tuple(samples)).wheel_series(), model.start).poses[-1]
     expected = odometry.odom_from_body
     np.testing.assert_allclose(pose[:2], (expected.x_m, expected.y_m), atol=1e-6)
 

@@ -7,9 +7,9 @@ import numpy as np
 from drivers.measurements import FloatArray, Scan, WheelCounts, uniform_bearings
 from drivers.settings.simulated_world import DriveSettings, LaserGeometrySettings, WorldSettings
 from drivers.simulated.world.world import World
+from runtime.calibrate.dead_reckoning import DeadReckoning, dead_reckoning, seen_by_laser
 from runtime.calibrate.drive_data import CalibrationStart, DriveData
 from runtime.calibrate.scans.laser_motion import LaserMotion
-from runtime.calibrate.track import Track, seen_by_laser, track
 from slam.pose import Pose2, composed, inverted
 
 START = CalibrationStart(body_from_laser=Pose2(0.3, 0.0, 0.0))
@@ -94,7 +94,7 @@ def park_drive(
     return DriveData(f"park {seed}", tuple(scans), wheel_counts(times, counted(travel, rover, rng)))
 
 
-def weaving(duration_s: float, speed_mps: float = 0.5, turn_radps: float = 0.6) -> Track:
+def weaving(duration_s: float, speed_mps: float = 0.5, turn_radps: float = 0.6) -> DeadReckoning:
     """The truth of a drive that starts after two seconds, weaves left and right and goes straight between."""
     times = np.arange(0.0, duration_s, 0.02)
     speed = speed_mps * np.clip((times - 2.0) / 1.5, 0.0, 1.0)
@@ -102,17 +102,17 @@ def weaving(duration_s: float, speed_mps: float = 0.5, turn_radps: float = 0.6) 
     turning = turn_radps * np.sign(wave) * np.clip((np.abs(wave) - 0.5) * 4.0, 0.0, 1.0) * (times > 3.5)
     distances = np.concatenate(((0.0,), np.cumsum(0.02 * speed[1:])))
     headings = np.concatenate(((0.0,), np.cumsum(0.02 * turning[1:])))
-    return track(times, distances, headings)
+    return dead_reckoning(times, distances, headings)
 
 
-def wheel_travel_m(path: Track, tread_m: float) -> FloatArray:
+def wheel_travel_m(path: DeadReckoning, tread_m: float) -> FloatArray:
     """What both wheels roll on it, (n, 2)."""
     half = 0.5 * tread_m * path.poses[:, 2]
     return np.stack((path.distances_m - half, path.distances_m + half), axis=-1)
 
 
 def made_motion(
-    path: Track, rover: Rover, rng: np.random.Generator, match_m: float = 0.003, match_rad: float = 0.0004
+    path: DeadReckoning, rover: Rover, rng: np.random.Generator, match_m: float = 0.003, match_rad: float = 0.0004
 ) -> LaserMotion:
     """What matching would find on the path, every second, with Gaussian errors: the solver alone is tested so."""
     counts = counted(wheel_travel_m(path, rover.tread_m), rover, rng)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from drivers.measurements import FloatArray
+from runtime.calibrate.dead_reckoning import composed, inverted
 from runtime.calibrate.drive_data import DriveData
 from runtime.calibrate.scans.laser_motion import keyframes, laser_twist
 from runtime.calibrate.scans.shapes import scan_points
@@ -23,10 +24,10 @@ POINTS = 250
 def misfit_m(drive: DriveData, model: WheelModel, parameters: FloatArray, spans: tuple[int, ...] = SPANS) -> float:
     """Mean cut-off distance between scans placed by the wheels alone; NaN where the drive is too short."""
     series, stamps = drive.wheel_series(), drive.scan_times_s()
-    wheels = model.track(series, parameters)
+    wheels = model.dead_reckoning(series, parameters)
     times = stamps - parameters[-1]
     # the same scans for every calibration: keyframes by the start's account, inside what every latency allows
-    believed = model.track(series, model.start)
+    believed = model.dead_reckoning(series, model.start)
     chosen = keyframes(believed, stamps, (stamps > series.times_s[0] + 0.5) & (stamps < series.times_s[-1] - 0.5))
     mount = parameters[-4:-1]
     poses = composed(wheels.at(times[chosen]), np.broadcast_to(mount, (len(chosen), 3)))

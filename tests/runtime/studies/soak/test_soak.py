@@ -14,9 +14,9 @@ from drivers.settings.simulated_world import WorldSettings
 from drivers.simulated.world.world import World
 from runtime.source_tree import ROOT
 from runtime.studies.soak.clock import Leap, LeapingClock
+from runtime.studies.soak.process_sampler import Sample, fitted_growth, heap_mb
+from runtime.studies.soak.scans_ahead import ScansAhead
 from runtime.studies.soak.soak import GROWTH_MAX_MB, process_figures
-from runtime.studies.soak.sweeps import SweepsAhead
-from runtime.studies.soak.track import Sample, fitted_growth, heap_mb
 
 SECOND_NS = 1_000_000_000
 
@@ -88,7 +88,7 @@ def test_what_happens_during_a_sleep_sees_its_own_time_and_a_clock_that_stands()
 
 def test_sweeps_that_were_cast_ahead_are_the_worlds_own() -> None:
     settings = WorldSettings()
-    world, ahead = World(settings), SweepsAhead(settings)
+    world, ahead = World(settings), ScansAhead(settings)
     try:
         times_ns = [5, 100_000_005, 200_000_006, 300_000_006, 9_000_000_000, 9_100_000_000]  # one is off by a rounding
         for t_ns in times_ns:

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.calibrate.track import chord, moved, seen_by_laser, track
+from runtime.calibrate.dead_reckoning import chord, dead_reckoning, moved, seen_by_laser
 from slam.pose import Pose2, composed, inverted
 
 COORDINATE = st.floats(-20.0, 20.0)
@@ -32,13 +32,13 @@ def test_nearly_straight_arcs_join_the_exact_ones(distance: float, turn: float) 
 
 def test_a_circle_closes() -> None:
     turns = np.linspace(0.0, 2.0 * np.pi, 50)
-    circle = track(np.linspace(0.0, 10.0, 50), 3.0 * turns, turns)
+    circle = dead_reckoning(np.linspace(0.0, 10.0, 50), 3.0 * turns, turns)
     np.testing.assert_allclose(circle.poses[-1, :2], (0.0, 0.0), atol=1e-12)
     np.testing.assert_allclose(np.hypot(circle.poses[:, 0], circle.poses[:, 1] - 3.0), 3.0)
 
 
 def test_a_pose_between_two_samples_lies_on_the_arc() -> None:
-    circle = track(np.array((0.0, 1.0)), np.array((0.0, 3.0)), np.array((0.0, 1.0)))
+    circle = dead_reckoning(np.array((0.0, 1.0)), np.array((0.0, 3.0)), np.array((0.0, 1.0)))
     between = circle.at(np.array((0.25, 2.0)))
     np.testing.assert_allclose(between[0], moved(np.zeros((1, 3)), np.array([0.75]), np.array([0.25]))[0])
     np.testing.assert_allclose(between[1], circle.poses[-1])

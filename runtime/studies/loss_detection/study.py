@@ -11,9 +11,9 @@ import numpy as np
 
 from runtime.source_tree import code_hash
 from runtime.studies.jobs import Job, Result, run_jobs
-from runtime.studies.quality.drives import BLINDED, KIDNAPPED, MishapKind
-from runtime.studies.quality.picture import CurvePoint
-from runtime.studies.quality.trial import PLACES, judged_again, trial
+from runtime.studies.loss_detection.drives import BLINDED, KIDNAPPED, MishapKind
+from runtime.studies.loss_detection.picture import CurvePoint
+from runtime.studies.loss_detection.trial import PLACES, judged_again, trial
 from slam.estimate import Quality
 from slam.settings.quality import QualitySettings
 
@@ -41,7 +41,9 @@ class StudySize:
 
 def code_name() -> str:
     """Names the state of the method, the simulated world and the drives: a change makes every job a new one."""
-    return code_hash("slam", "drivers.simulated", "runtime.studies.quality.drives", "runtime.studies.quality.trial")
+    return code_hash(
+        "slam", "drivers.simulated", "runtime.studies.loss_detection.drives", "runtime.studies.loss_detection.trial"
+    )
 
 
 def study_jobs(size: StudySize, code: str) -> list[Job]:
@@ -77,7 +79,7 @@ def study(size: StudySize, folder: Path, code: str, scheduler: str | None, progr
     points = curve(results)
     write_points(points, folder / "curve.csv")
     write_drives(results, folder / "drives.csv")
-    from runtime.studies.quality.picture import draw
+    from runtime.studies.loss_detection.picture import draw
 
     draw(points, folder / "curve.png")
     return outcome | {"curve": str(folder / "curve.png"), "points": [vars_of(point) for point in points]}

@@ -7,9 +7,9 @@ import pytest
 
 from drivers.settings.simulated_world import WorldSettings
 from runtime.studies.jobs import Result
-from runtime.studies.quality.drives import KIDNAPPED, MishapKind, draw_mishap, moments
-from runtime.studies.quality.study import StudySize, alarms, study_jobs, summarise, told_after_s
-from runtime.studies.quality.trial import COLUMNS, trial
+from runtime.studies.loss_detection.drives import KIDNAPPED, MishapKind, draw_mishap, simulated_ticks
+from runtime.studies.loss_detection.study import StudySize, alarms, study_jobs, summarise, told_after_s
+from runtime.studies.loss_detection.trial import COLUMNS, trial
 from slam.pose import Pose2
 from slam.settings.quality import QualitySettings
 
@@ -52,8 +52,8 @@ def test_the_study_has_as_many_drives_of_each_sort_as_it_was_asked_for() -> None
 def test_a_kidnapped_rover_is_elsewhere_while_its_wheels_report_nothing(kind: MishapKind) -> None:
     settings = WorldSettings(seed=5)
     mishap = draw_mishap(kind, settings)
-    steps = list(moments(settings, mishap.at_s + 0.5, mishap))
-    ordinary = list(moments(settings, mishap.at_s + 0.5))
+    steps = list(simulated_ticks(settings, mishap.at_s + 0.5, mishap))
+    ordinary = list(simulated_ticks(settings, mishap.at_s + 0.5))
     assert [step.wheels for step in steps] == [step.wheels for step in ordinary]
     last, expected = steps[-1].truth, ordinary[-1].truth
     jump = Pose2(*expected).inverse() @ Pose2(*last)
@@ -64,8 +64,8 @@ def test_a_kidnapped_rover_is_elsewhere_while_its_wheels_report_nothing(kind: Mi
 
 
 def test_the_curve_is_written_as_a_table_and_a_picture(results: list[Result], tmp_path: Path) -> None:
-    from runtime.studies.quality.picture import draw
-    from runtime.studies.quality.study import curve, write_drives, write_points
+    from runtime.studies.loss_detection.picture import draw
+    from runtime.studies.loss_detection.study import curve, write_drives, write_points
 
     points = curve(results)
     write_points(points, tmp_path / "curve.csv")

@@ -11,7 +11,7 @@ SMALL_RAD = 1e-4  # below this turn the series is exact to the last bit that mat
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Track:
+class DeadReckoning:
     """Poses (n, 3) of the body in the odometry frame at times_s (n,), distances_m (n,) driven until then."""
 
     times_s: FloatArray
@@ -35,14 +35,14 @@ class Track:
         return np.stack((distance, turn), axis=-1) / (2.0 * half_window_s)
 
 
-def track(times_s: FloatArray, distances_m: FloatArray, headings_rad: FloatArray) -> Track:
+def dead_reckoning(times_s: FloatArray, distances_m: FloatArray, headings_rad: FloatArray) -> DeadReckoning:
     """Integrate distance and heading (n,) at the samples' times, headings not wrapped, into poses from the origin."""
     steps, turns = np.diff(distances_m), np.diff(headings_rad)
     ahead, left = chord(steps, turns)
     poses = np.zeros((len(times_s), 3))
     np.cumsum(rotated(np.stack((ahead, left), axis=-1), headings_rad[:-1]), axis=0, out=poses[1:, :2])
     poses[:, 2] = headings_rad
-    return Track(times_s, distances_m, poses)
+    return DeadReckoning(times_s, distances_m, poses)
 
 
 def chord(distance: FloatArray, turn: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,7 +1,7 @@
 import pytest
 
 from runtime.errors import UsageError
-from runtime.studies.sweep import settings_grid
+from runtime.studies.parameter_sweep import settings_grid
 
 
 def test_every_combination_of_values_comes_once() -> None:

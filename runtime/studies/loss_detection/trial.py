@@ -9,7 +9,7 @@ import numpy as np
 from drivers.measurements import FloatArray
 from drivers.settings.simulated_world import DriveSettings, WorldSettings
 from runtime.studies.jobs import Result
-from runtime.studies.quality.drives import MishapKind, draw_mishap, moments
+from runtime.studies.loss_detection.drives import MishapKind, draw_mishap, simulated_ticks
 from slam.estimate import Estimate, Quality
 from slam.estimator import Estimator
 from slam.joint.evidence import Evidence
@@ -66,15 +66,15 @@ def trial(
     estimator = Estimator(settings, seed, map_every=1000)
     trace: list[list[float]] = []
     states: list[tuple[float, str, str]] = []
-    for moment in moments(world, duration_s if mishap is None else mishap.at_s + WATCHED_S, mishap):
-        estimate = estimator.step(moment.stamp_ns, moment.scan, moment.wheels)
-        pose, truth, counts, stamp_s = estimate.map_from_body, moment.truth, estimate.counts, moment.stamp_ns * 1e-9
+    for tick in simulated_ticks(world, duration_s if mishap is None else mishap.at_s + WATCHED_S, mishap):
+        estimate = estimator.step(tick.stamp_ns, tick.scan, tick.wheels)
+        pose, truth, counts, stamp_s = estimate.map_from_body, tick.truth, estimate.counts, tick.stamp_ns * 1e-9
         if not states or states[-1][1] != estimate.quality.value:
             states.append((stamp_s, estimate.quality.value, estimate.doubt))
         trace.append(
             [
                 round(stamp_s, 4),
-                float(moment.scan is not None),
+                float(tick.scan is not None),
                 *(counts.get(name, 0.0) for name in ("known_in_view", "known_found", "known_missed")),
                 round(counts.get("known_square", 0.0), 3),
                 round(largest_deviation_m(own_covariance(estimate)), 4),

@@ -56,7 +56,7 @@ class Mishap:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moment:
+class SimulatedTick:
     """What comes in at one tick, and the true pose (3,) then."""
 
     stamp_ns: int
@@ -66,7 +66,7 @@ class Moment:
 
 
 def draw_mishap(kind: MishapKind, settings: WorldSettings) -> Mishap:
-    """A moment, and where the rover is put down: 1 to 10 m away and/or turned, where it has room to drive on."""
+    """A tick, and where the rover is put down: 1 to 10 m away and/or turned, where it has room to drive on."""
     rng = np.random.default_rng([settings.seed, MISHAP_STREAM, list(MishapKind).index(kind)])
     at_s = float(rng.uniform(EARLIEST_S, LATEST_S))
     if kind not in KIDNAPPED:
@@ -86,7 +86,9 @@ def draw_mishap(kind: MishapKind, settings: WorldSettings) -> Mishap:
     raise ValueError(f"no place to put the rover down in the park of seed {settings.seed}")
 
 
-def moments(settings: WorldSettings, duration_s: float, mishap: Mishap | None = None) -> Iterator[Moment]:
+def simulated_ticks(
+    settings: WorldSettings, duration_s: float, mishap: Mishap | None = None
+) -> Iterator[SimulatedTick]:
     """Scans at 10 Hz and wheel samples at 50 Hz: a pure function of the arguments."""
     path = None
     if mishap is not None and mishap.kind in KIDNAPPED:
@@ -108,7 +110,7 @@ def moments(settings: WorldSettings, duration_s: float, mishap: Mishap | None = 
         if ranges is not None:
             seen = np.where(np.isfinite(ranges), ranges, np.nan).astype(np.float32)
             scan = Scan(stamp_ns, seen, bearings, laser.beam_period_s, MIDDLE_BEAM, laser.range_max_m)
-        yield Moment(stamp_ns, scan, wheels.until(stamp_ns), np.array(world.map_from_body(stamp_ns)))
+        yield SimulatedTick(stamp_ns, scan, wheels.until(stamp_ns), np.array(world.map_from_body(stamp_ns)))
 
 
 def blinded(

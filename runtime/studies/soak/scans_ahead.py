@@ -1,6 +1,7 @@
 """Sweeps of the simulated laser, cast by a process of its own one ahead of need: the world is a function of time.
 
-`python -m runtime.studies.soak.sweeps`: settings as one line of JSON come in, then times, 8 bytes each; ranges go out.
+`python -m runtime.studies.soak.scans_ahead`: settings as one line of JSON come in, then times, 8 bytes each;
+ranges go out.
 """
 
 import struct
@@ -21,13 +22,13 @@ LONGEST_STEP_NS = 1_000_000_000
 STOP_S = 3.0
 
 
-class SweepsAhead:
+class ScansAhead:
     """Ranges of sweeps at times that follow each other evenly; what was not foreseen is cast while the caller waits."""
 
     def __init__(self, settings: WorldSettings) -> None:
         self._bytes = 8 * settings.laser.beam_count
         self._child = subprocess.Popen(
-            [sys.executable, "-m", "runtime.studies.soak.sweeps"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            [sys.executable, "-m", "runtime.studies.soak.scans_ahead"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
         self._ordered_ns: int | None = None
         self._last_ns: int | None = None

@@ -40,7 +40,7 @@ class Sample:
     kept_waiting_s: float
 
 
-class ProcessTrack:
+class ProcessSampler:
     """Sink that takes a sample every `every_s` of driving.
 
     drawing: its process is looked at too. garbage: objects at the end of the drive that only the collector could free,
