@@ -59,5 +59,5 @@ def report_lines(report: dict[str, Any]) -> list[str]:
     for finding in report["findings"]:
         lines.append(f"{finding['severity']!s:9s} {finding['title']}")
         if finding["severity"] != "info":
-            lines += [f"          likely: {finding['cause']}", f"          change: {finding['remedy']}"]
+            lines += [f"          cause:  {finding['cause']}", f"          remedy: {finding['remedy']}"]
     return [*lines, f"report    {report['files']['html']}"]

@@ -22,8 +22,8 @@ FOLLOWERS = {  # kind that follows: kinds that may be its cause, and whether the
 
 def ordered(findings: Sequence[Finding]) -> list[Finding]:
     """Causes first, the gravest of them at the top; behind them what follows from another, with that as its cause."""
-    told = [_following(finding, findings) for finding in findings]
-    return sorted(told, key=lambda finding: (bool(finding.follows), -RANKS[finding.severity]))
+    linked = [_following(finding, findings) for finding in findings]
+    return sorted(linked, key=lambda finding: (bool(finding.follows), -RANKS[finding.severity]))
 
 
 def _following(finding: Finding, findings: Sequence[Finding]) -> Finding:
@@ -34,7 +34,7 @@ def _following(finding: Finding, findings: Sequence[Finding]) -> Finding:
     for cause in grave:
         if cause is not finding and (not at_once or _most_within(finding.intervals, cause.intervals)):
             return replace(
-                finding, follows=cause.kind, cause=f"follows from: {cause.title}", remedy="what that finding says"
+                finding, follows=cause.kind, cause=f"it follows from: {cause.title}", remedy="see that finding"
             )
     return finding
 

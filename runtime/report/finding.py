@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.measurements import Severity
+from drivers.measurements import Event, Severity
 
 Interval = tuple[float, float]
 SHORT_S = 10.0  # below it a span shows tenths of a second
@@ -55,6 +55,17 @@ def spans_text(intervals: Sequence[Interval], most: int = 4) -> str:
     """The first few of them."""
     text = ", ".join(span_text(interval) for interval in intervals[:most])
     return f"{text} and {len(intervals) - most} more" if len(intervals) > most else text
+
+
+def times_text(times_s: Sequence[float], most: int = 4) -> str:
+    """The first few of them: 12.1 s, 13.4 s and 2 more."""
+    text = ", ".join(f"{time_s:.1f} s" for time_s in times_s[:most])
+    return f"{text} and {len(times_s) - most} more" if len(times_s) > most else text
+
+
+def driver_reports(events: Sequence[Event], most: int = 3) -> tuple[str, ...]:
+    """What the driver itself said, as evidence."""
+    return tuple(f"driver: {event.reason}" for event in events[:most])
 
 
 def intervals_where(

@@ -56,17 +56,17 @@ PLACES = {
 
 
 def geometry_rows(facts: RunFacts) -> tuple[GeometryRow, ...]:
-    """What was configured, what this run says, and what it could have told, for runs with two driven wheels."""
+    """What was configured, what this run shows, and what it could have shown, for runs with two driven wheels."""
     fit = _fit(facts)
     if fit is None or facts.calibration is None:
         return ()
     rows = []
     for index, name in enumerate(fit.names):
         place, found = PLACES[name], facts.calibration.quantity(name)
-        told = fit.detectable(fit.direction({name: 1.0}))
+        detectable = fit.detectable(fit.direction({name: 1.0}))
         span = None if found.refused else (found.low * place.shown, found.high * place.shown)
         rows.append(
-            GeometryRow(place.label, place.unit, float(fit.start[index]) * place.shown, span, told * place.shown)
+            GeometryRow(place.label, place.unit, float(fit.start[index]) * place.shown, span, detectable * place.shown)
         )
     return tuple(rows)
 
@@ -96,10 +96,10 @@ def _disagreement(result: Calibration) -> list[Finding]:
                 Finding(
                     "wheels_laser_disagree",
                     Severity.WARN,
-                    "the wheels and the laser do not tell of the same motion",
+                    "The wheels and the laser disagree about the motion",
                     (sentence,),
-                    "a wrong count per turn, sign, radius or mount; or wheels that slip all the time",
-                    "vehicle.counts_per_rev, vehicle.wheel_radius_left_m, _right_m and slam.mount",
+                    "counts per turn, a sign, a radius or the mount are wrong, or the wheels slip all the time",
+                    "check vehicle.counts_per_rev, vehicle.wheel_radius_left_m, _right_m and slam.mount",
                 )
             ]
     return []
@@ -119,20 +119,20 @@ def _radii(fit: Fit, causes: Sequence[Cause]) -> list[Finding]:
         return []
     evidence = [_evidence(cause, f"{cause.name} wheel{'s' if cause.name == BOTH else ''}") for cause in wheels]
     radii = (left * start_m[0] + start_m[0], right * start_m[1] + start_m[1])
-    remedy = f"vehicle.wheel_radius_left_m = {radii[0]:.4f}, wheel_radius_right_m = {radii[1]:.4f}"
+    remedy = f"set vehicle.wheel_radius_left_m = {radii[0]:.4f}, wheel_radius_right_m = {radii[1]:.4f}"
     if abs(left - right) < LEAST_RADIUS:
-        title = f"both wheels {_ratio_text(0.5 * (left + right))} than configured: distances are wrong by as much"
-        cause_text = "radius or counts per turn are wrong"
+        title = f"Both wheels are {_ratio_text(0.5 * (left + right))} than configured: distances are wrong by as much"
+        cause_text = "the radii or the counts per turn are wrong"
         return [Finding("wheel_scale", Severity.WARN, title, tuple(evidence), cause_text, remedy)]
     if len(wheels) > 1 and min(abs(left), abs(right)) >= LEAST_RADIUS:
-        title = f"left wheel {_ratio_text(left)} and right wheel {_ratio_text(right)} than configured"
+        title = f"The left wheel is {_ratio_text(left)} and the right wheel {_ratio_text(right)} than configured"
         cause_text = "tyre pressure, load or wear of both wheels"
     else:
         side, ratio = (LEFT, left) if abs(left) >= abs(right) else (RIGHT, right)
-        title = f"{side} wheel {_ratio_text(ratio)} than configured"
+        title = f"The {side} wheel is {_ratio_text(ratio)} than configured"
         cause_text = f"tyre pressure, load or wear of the {side} wheel"
         other = RIGHT if side == LEFT else LEFT
-        if other in wheels[0].rivals:  # which of the two it is cannot be told apart
+        if other in wheels[0].rivals:  # the drive does not show which of the two it is
             title += f", or the {other} wheel {_ratio_text(-ratio)}"
             cause_text = "tyre pressure, load or wear of one wheel"
     return [Finding("wheel_radius_difference", Severity.WARN, title, tuple(evidence), cause_text, remedy)]
@@ -141,8 +141,8 @@ def _radii(fit: Fit, causes: Sequence[Cause]) -> list[Finding]:
 def _evidence(cause: Cause, what: str, shown: float = 1e3, unit: str = "mm") -> str:
     half = NORMAL_95 * cause.deviation * shown
     return (
-        f"{what}: {cause.value * shown:+.3g} {unit} from the configured, give or take {half:.2g} (95 %); "
-        f"{cause.significance:.1f} standard deviations, from scan matching against the wheels"
+        f"{what}: {cause.value * shown:+.3g} {unit} from the configured value, +- {half:.2g} (95 %); "
+        f"{cause.significance:.1f} standard deviations, by matching scans against the wheels"
     )
 
 
@@ -166,28 +166,28 @@ def _said(name: str, off: float, start: float) -> tuple[str, str, str, str]:
     if name == "tread_m":
         return (
             "tread",
-            f"the wheels stand {value:.3f} m apart, {_ratio_text(off / start)} than configured: turns are wrong",
+            f"The tread is {value:.3f} m, {_ratio_text(off / start)} than configured: turns are wrong by as much",
             "the tread was measured between other points than where the wheels touch the ground",
-            f"{key} = {value:.3f}",
+            f"set {key} = {value:.3f}",
         )
     if name == "laser_yaw_rad":
         return (
             "laser_yaw",
-            f"laser yaw offset {math.degrees(off):+.1f} deg",
+            f"The laser is turned by {math.degrees(off):+.1f} deg from its configured yaw",
             "the laser is turned on its mount",
-            f"{key} = {value:.4f}",
+            f"set {key} = {value:.4f}",
         )
     if name == "laser_latency_s":
         return (
             "laser_latency",
-            f"laser latency: scans are stamped {abs(off) * 1e3:.0f} ms {'late' if off > 0 else 'early'}",
+            f"Scans are stamped {abs(off) * 1e3:.0f} ms {'late' if off > 0 else 'early'}",
             "a delay between measurement and stamp that the configuration does not know, or late wheel stamps",
-            f"{key}: change it by {-off:+.3f}",
+            f"change {key} by {-off:+.3f}",
         )
     axis = "x" if name == "laser_x_m" else "y"
     return (
         "laser_offset",
-        f"the laser stands {abs(off) * 100.0:.0f} cm from where it is configured ({axis})",
+        f"The laser stands {abs(off) * 100.0:.0f} cm from where it is configured ({axis})",
         "the mount was measured from another point than the middle of the axle",
         f"{key} = {value:.3f}",
     )

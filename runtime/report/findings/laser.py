@@ -4,7 +4,7 @@ import numpy as np
 
 from drivers.measurements import Event, Severity
 from runtime.report.facts import RunFacts
-from runtime.report.finding import Finding, intervals_where, silences, span_text, spans_text
+from runtime.report.finding import Finding, driver_reports, intervals_where, silences, span_text, spans_text, times_text
 from runtime.report.findings.silence import while_recorded
 
 SILENT_S = 0.5  # five sweeps at 10 Hz: one or two lost sweeps are not silence
@@ -20,16 +20,19 @@ DRIFT_LEAST_S = 0.02  # apart at the end: a busy host delays even the fastest ar
 DRIFT_BENT = 0.15  # of the gain, off the straight line in the middle: a delay that sets in is no drift
 ADDRESS = "laser.url"
 CAUSES = {  # what the driver said around a silence, most telling first
-    "malfunctions": ("the laser reported a malfunction that only a reboot ends", "service the laser if it comes again"),
-    "status_": ("the laser reported a fault of its own", "look the status up in the manual, then service the laser"),
-    "frozen_scans": ("the laser repeats the same ranges: its receiver or its motor is stuck", "power-cycle the laser"),
-    "stale_stamp": ("the laser's stamp stands still", "power-cycle the laser, update its firmware"),
-    "wrong_size": ("the laser answers another request than ours", "see that no other program talks to the laser"),
+    "malfunctions": (
+        "the laser reported a malfunction that only a reboot ends",
+        "have it serviced if that happens again",
+    ),
+    "status_": ("the laser reported an internal fault", "look the status up in its manual, then have it serviced"),
+    "frozen_scans": ("the laser repeats the same ranges: its receiver or its motor is stuck", "switch it off and on"),
+    "stale_stamp": ("the laser's clock stands still", "switch the laser off and on, and update its firmware"),
+    "wrong_size": ("the laser answers another request than ours", "make sure that no other program talks to the laser"),
     "checksum_errors": ("messages arrive damaged", "check the laser's cable and plug"),
-    "framing_errors": ("messages arrive torn", "check the laser's cable and plug"),
-    "garbage": ("bytes arrive that are no messages", "check that laser.url names the laser, and its baud rate"),
+    "framing_errors": ("messages arrive incomplete", "check the laser's cable and plug"),
+    "garbage": ("bytes arrive that are not SCIP messages", "check that laser.url names the laser, and its baud rate"),
     "clock_restarts": ("the laser lost power and came back", "check its power supply and plug"),
-    "connections": ("the connection broke and came back", "check the laser's cable, plug and power"),
+    "connections": ("the connection broke and was made again", "check the laser's cable, plug and power"),
 }
 
 
@@ -65,8 +68,11 @@ def _silent(facts: RunFacts) -> list[Finding]:
         Finding(
             "laser_silent",
             Severity.ERROR if longest >= SILENT_ERROR_S else Severity.WARN,
-            f"laser silent {spans_text(intervals)}",
-            (f"no usable scan for up to {longest:.1f} s; more than {least_s:.1f} s counts", *_told(around)),
+            f"The laser sent no usable scan during {spans_text(intervals)}",
+            (
+                f"none for up to {longest:.1f} s; silence counts from {least_s:.1f} s on",
+                *driver_reports(around),
+            ),
             cause,
             remedy,
             intervals,
@@ -85,10 +91,10 @@ def _not_recorded(facts: RunFacts) -> list[Finding]:
         Finding(
             "recording_without_scans",
             Severity.INFO,
-            f"the recording holds no scan {spans_text(intervals)}",
-            (f"for up to {longest:.1f} s; its usual distance is {expected_period_s(facts):.2f} s",),
+            f"The recording holds no scans during {spans_text(intervals)}",
+            (f"for up to {longest:.1f} s; scans are usually {expected_period_s(facts):.2f} s apart",),
             "the data set was thinned, or the laser was not recorded then",
-            "nothing: the pose between is a prediction from the wheels",
+            "nothing needs to be done: the pose in between is predicted from the wheels",
             intervals,
         )
     ]
@@ -98,19 +104,18 @@ def _cause(around: list[Event]) -> tuple[str, str]:
     for kind, advice in CAUSES.items():
         if any(event.kind.startswith(kind) for event in around):
             return advice
-    return "nothing arrives: power, cable, or the laser hangs", f"check power and cable, and that {ADDRESS} is right"
-
-
-def _told(events: list[Event], most: int = 3) -> tuple[str, ...]:
-    return tuple(f"driver: {event.reason}" for event in events[:most])
+    return (
+        "nothing arrives: the power or the cable failed, or the laser hangs",
+        f"check both, and that {ADDRESS} is right",
+    )
 
 
 def _damage(facts: RunFacts) -> list[Finding]:
     """Damage that came more than once or twice, and ranges that repeat."""
     findings = []
     for kinds, name, title in (
-        (("checksum_errors", "framing_errors", "torn_messages"), "laser_checksum", "laser messages arrive damaged"),
-        (("frozen_scans",), "laser_frozen", "the laser repeats the same ranges"),
+        (("checksum_errors", "framing_errors", "torn_messages"), "laser_checksum", "Laser messages arrived damaged"),
+        (("frozen_scans",), "laser_frozen", "The laser repeated the same ranges"),
     ):
         events = facts.events_of("laser", *kinds)
         if not events:
@@ -120,9 +125,9 @@ def _damage(facts: RunFacts) -> list[Finding]:
         cause, remedy = CAUSES[events[0].kind] if events[0].kind in CAUSES else CAUSES["framing_errors"]
         often = len(events) >= OFTEN or name == "laser_frozen"
         severity = Severity.WARN if often else Severity.INFO
-        evidence = (f"{len(events)} reports, at most one a second", *_told(events, 2))
+        evidence = (f"{len(events)} reports, at most one a second", *driver_reports(events, 2))
         findings.append(
-            Finding(name, severity, f"{title}, {spans_text(intervals)}", evidence, cause, remedy, intervals)
+            Finding(name, severity, f"{title} during {spans_text(intervals)}", evidence, cause, remedy, intervals)
         )
     return findings
 
@@ -135,23 +140,26 @@ def _restarts(facts: RunFacts) -> list[Finding]:
         return []
     times_s = np.array([facts.seconds(event.stamp_ns) for event in events])
     intervals = intervals_where(times_s, np.ones(len(times_s), dtype=np.bool_), 2.0)
-    at = f" at {', '.join(f'{start:.1f} s' for start, _ in intervals[:4])}" if intervals else ""
+    at = f" at {times_text([start for start, _ in intervals])}" if intervals else ""
     restarted = any(event.kind == "clock_restarts" for event in events)
     return [
         Finding(
             "scan_stamps_jump",
             Severity.WARN,
-            f"scan stamps jump{at}: {'the laser began anew' if restarted else 'stamps stand still or run backwards'}",
-            (*((f"{refusals} scans refused by the filter for their stamp",) if refusals else ()), *_told(events)),
+            f"Scan stamps jumped{at}: {'the laser restarted' if restarted else 'they stand still or run backwards'}",
+            (
+                *((f"the filter refused {refusals} scans for their stamp",) if refusals else ()),
+                *driver_reports(events),
+            ),
             "the laser was switched off and on, or reset itself" if restarted else "the laser's clock misbehaves",
-            "check the laser's power supply and plug" if restarted else "laser.stamp_reference, or other firmware",
+            "check the laser's power supply and plug" if restarted else "check laser.stamp_reference and the firmware",
             intervals,
         )
     ]
 
 
 def _rate(facts: RunFacts) -> list[Finding]:
-    """Sweeps that are missing here and there; long silences are told apart."""
+    """Sweeps that are missing here and there; long silences are findings of their own."""
     if facts.scans.times_s.size < 20:
         return []
     period_s = expected_period_s(facts)
@@ -167,19 +175,19 @@ def _rate(facts: RunFacts) -> list[Finding]:
     even = bool(np.std(steps[short & (missing > 0)]) < 0.1 * period_s)
     name = "laser_rate_low" if even and share > 0.3 else "laser_scans_lost"
     rate_hz = float(1.0 / np.mean(steps[short]))
-    cause = "the motor turns slower, or the laser skips sweeps" if name == "laser_rate_low" else "sweeps get lost"
+    cause = "the motor turns too slowly, or the laser skips sweeps" if name == "laser_rate_low" else "sweeps get lost"
     return [
         Finding(
             name,
             Severity.INFO if arrived else Severity.WARN,
-            f"laser rate low: {rate_hz:.1f} Hz of {1.0 / period_s:.1f} Hz, {share:.0%} of the sweeps are missing",
+            f"The laser sent {rate_hz:.1f} Hz instead of {1.0 / period_s:.1f} Hz: {share:.0%} of the sweeps are lost",
             (
-                f"missing in {spans_text(intervals)}" if intervals else "missing now and then",
-                f"lost at {'even' if even else 'uneven'} distances",
-                *(("every sweep came over the wire: the loop took the newer of two",) if arrived else ()),
+                f"missing during {spans_text(intervals)}" if intervals else "missing now and then",
+                f"lost at {'even' if even else 'uneven'} intervals",
+                *(("every sweep arrived; where two came in one beat, the loop used the newer one",) if arrived else ()),
             ),
-            f"{cause}: network or host too busy, interference, or the laser's own settings",
-            "a direct cable to the laser; nothing else asking it for scans; laser.url",
+            f"{cause}: the network or the host is too busy, there is interference, or the laser is set so",
+            "connect the laser by a cable of its own, and let nothing else ask it for scans; see laser.url",
             intervals,
         )
     ]
@@ -205,10 +213,10 @@ def _late(facts: RunFacts) -> list[Finding]:
         Finding(
             "laser_late",
             Severity.WARN if share >= LATE_SCANS_SHARE else Severity.INFO,
-            f"scans arrive late: {share:.0%} of them are older than {LATE_S * 1e3:.0f} ms at their beat",
-            (f"median age {middle_s * 1e3:.0f} ms, 99 % {most_s * 1e3:.0f} ms", *_told(events)),
-            "the network or the host delays them; the pose between is a prediction from the wheels",
-            "a direct cable to the laser; loop.priority so that the host's other work waits",
+            f"Scans arrived late: {share:.0%} of them were older than {LATE_S * 1e3:.0f} ms at their beat",
+            (f"median age {middle_s * 1e3:.0f} ms, 99 % {most_s * 1e3:.0f} ms", *driver_reports(events)),
+            "the network or the host delays them; the pose in between is predicted from the wheels",
+            "connect the laser by a cable of its own; raise loop.priority so that other work on the host waits",
             intervals,
         )
     ]
@@ -234,9 +242,9 @@ def _drift(facts: RunFacts) -> list[Finding]:
         Finding(
             "laser_clock_drift",
             Severity.WARN,
-            f"the laser's clock runs {abs(ppm):.0f} ppm {'fast' if ppm > 0 else 'slow'}",
-            (f"its counter gained {ahead_s * 1e3:+.0f} ms on the host, {span_text(measured)}; crystals keep 100 ppm",),
+            f"The laser's clock runs {abs(ppm):.0f} ppm {'fast' if ppm > 0 else 'slow'}",
+            (f"it gained {ahead_s * 1e3:+.0f} ms on the host during {span_text(measured)}; a crystal keeps 100 ppm",),
             "a worn or cold oscillator in the laser, or the host's clock is being slewed",
-            "the driver follows it; watch it, and check the host's time service if all devices seem to drift",
+            "nothing needs to be done now: the driver follows; check the host's time service if all devices drift",
         )
     ]

@@ -37,7 +37,7 @@ def _quality(facts: RunFacts) -> list[Finding]:
         intervals = tuple(
             (start, end)
             for start, end in intervals_where(ticks.times_s, holds, 0.35, least_s)
-            if not ((lost_s >= start) & (lost_s <= end)).any()  # told as lost
+            if not ((lost_s >= start) & (lost_s <= end)).any()  # a finding of its own
         )
         if not intervals:
             continue
@@ -49,10 +49,10 @@ def _quality(facts: RunFacts) -> list[Finding]:
             Finding(
                 f"pose_{word}",
                 severity,
-                f"pose {word} {spans_text(intervals)}",
+                f"The pose was {word} during {spans_text(intervals)}",
                 (
-                    f"standard deviation up to {min(ticks.position_sd_m[inside].max(), 1e6):.2f} m, both estimators "
-                    f"up to {ticks.apart_m[inside].max():.2f} m apart",
+                    f"standard deviation up to {min(ticks.position_sd_m[inside].max(), 1e6):.2f} m; the two estimators "
+                    f"were up to {ticks.apart_m[inside].max():.2f} m apart",
                 ),
                 cause,
                 remedy,
@@ -67,22 +67,25 @@ def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval,
     quality, ticks = facts.configuration.slam.quality, facts.ticks
     if _blind(facts, intervals):
         if not facts.scans.are_sweeps:
-            return "no landmark was sighted meanwhile", "landmarks along the course; the pose is dead reckoning without"
+            return (
+                "no landmark was sighted",
+                "place landmarks: without them the pose is dead reckoning",
+            )
         if facts.imported:
-            return "the recording holds no scans then", "nothing: the pose is dead reckoning there"
-        return "no scans came", "see why there were no scans"
+            return "the recording holds no scans then", "nothing needs to be done: the pose is dead reckoning there"
+        return "no scans came", "find out why there were no scans"
     if np.median(ticks.apart_m[holds]) > UNCERTAIN_GAP_M:
         return (
             "the particles have left the joint Gaussian, whose pose is published and may still be right",
-            "slam.particles more; see what happened when it began",
+            "raise slam.particles; look at what happened when it began",
         )
     score = ticks.counts.get("doubt_score")
     if score is not None and np.nanmedian(score[holds]) >= 0.5 * quality.lost_score:
         return (
             "landmarks of the map are not where they should be: the rover was carried or slipped, or a match was wrong",
-            "set the rover down where the map is known; see what happened when it began",
+            "set the rover down where the map is known; look at what happened when it began",
         )
-    return "too few landmarks in view, or matches that contradict", "slam.particles more; landmarks along the course"
+    return "too few landmarks are in view, or matches contradict each other", "raise slam.particles; place landmarks"
 
 
 def _blind(facts: RunFacts, intervals: tuple[Interval, ...]) -> bool:
@@ -107,10 +110,10 @@ def _jumps(facts: RunFacts) -> list[Finding]:
         Finding(
             "pose_jumps",
             Severity.WARN,
-            f"the pose jumps by up to {(ways[0] - ways[1])[holds].max():.1f} m at {spans_text(intervals)}",
+            f"The pose jumped by up to {(ways[0] - ways[1])[holds].max():.1f} m during {spans_text(intervals)}",
             (f"{int(holds.sum())} steps beyond {JUMP_M} m and {JUMP_SIGMAS:.0f} standard deviations",),
-            "a wrong match that was put right, or wheels that slipped or were silent",
-            "slam.particles more; see the wheels' findings",
+            "a wrong match was corrected, or the wheels slipped or were silent",
+            "raise slam.particles; see the findings about the wheels",
             intervals,
         )
     ]
@@ -131,10 +134,10 @@ def _unmatched(facts: RunFacts) -> list[Finding]:
         Finding(
             "no_landmarks",
             Severity.WARN,
-            f"no landmark matched {spans_text(intervals)}",
+            f"No landmark was matched during {spans_text(intervals)}",
             ("the pose is dead reckoning there",),
-            "nothing that stands still in view, or features that the front end refuses",
-            "slam.front_end: wider or more features; another course",
+            "nothing in view stands still, or the front end refuses what does",
+            "let slam.front_end accept more features, or choose another course",
             intervals,
         )
     ]
@@ -146,13 +149,13 @@ def _people(facts: RunFacts) -> list[Finding]:
     intervals = intervals_where(facts.scans.times_s, moved > PEOPLE_SHARE, 2.0, PEOPLE_S)
     if not intervals:
         return []
-    evidence = (f"up to {moved.max():.0%} of the returns were near and fell on what was not there before",)
-    remedy = "nothing: they are not used as landmarks (slam.techniques.difference)"
+    evidence = (f"up to {moved.max():.0%} of the returns were near and fell where nothing was before",)
+    remedy = "nothing needs to be done: they are not used as landmarks (slam.techniques.difference)"
     if facts.imported:  # indoors, and where scans are seconds apart, more comes into view than moves
-        title = f"things moved or came into view near the laser {spans_text(intervals)}"
+        title = f"Things moved or came into view near the laser during {spans_text(intervals)}"
         cause = "people, or what stands behind corners and between rare scans"
         return [Finding("movement", Severity.INFO, title, evidence, cause, remedy, intervals)]
-    title, cause = f"people walked along {spans_text(intervals)}", "people, or other things that move"
+    title, cause = f"People walked by during {spans_text(intervals)}", "people, or other things that move"
     return [Finding("people", Severity.INFO, title, evidence, cause, remedy, intervals)]
 
 
@@ -173,10 +176,10 @@ def _accuracy(facts: RunFacts) -> list[Finding]:
         Finding(
             "worse_than_odometry",
             Severity.WARN,
-            f"the pose is farther from the truth ({slam_m:.2f} m RMS) than the wheels alone ({odometry_m:.2f} m)",
+            f"The pose is farther from the truth ({slam_m:.2f} m RMS) than odometry alone ({odometry_m:.2f} m)",
             (f"truth: {facts.accuracy['truth']}",),
             "wrong matches, or a wrong mount of the laser",
-            "slam.mount; slam.particles more",
+            "check slam.mount; raise slam.particles",
         )
     ]
 
@@ -194,9 +197,9 @@ def _belief(facts: RunFacts) -> list[Finding]:
         Finding(
             "overconfident",
             Severity.WARN,
-            f"the pose is {error_m:.2f} m off (RMS) and says {claimed_m:.2f} m of itself",
+            f"The pose is {error_m:.2f} m off (RMS) but claims a standard deviation of {claimed_m:.2f} m",
             (f"truth: {facts.accuracy['truth']}", f"{error_m / max(claimed_m, 1e-9):.0f} standard deviations"),
             "a wrong match that nothing has contradicted since, or noise that is configured too small",
-            "slam.front_end: larger floors of sigma; slam.odometry: more noise; see where the error begins",
+            "raise the sigmas of slam.front_end and the noise of slam.odometry; see where the error begins",
         )
     ]

@@ -4,7 +4,7 @@ import numpy as np
 
 from drivers.measurements import Severity
 from runtime.report.facts import RunFacts
-from runtime.report.finding import Finding, intervals_where, spans_text
+from runtime.report.finding import Finding, intervals_where, spans_text, times_text
 
 MISSED_SHARE = 0.005  # of the beats: one in 20 s
 MISSED_ERROR_SHARE = 0.05
@@ -13,7 +13,7 @@ LATE_SHARE = 0.01
 SLOW_SHARE = 0.6  # of the beat for the filter; what else runs needs the rest
 SHORT_S = 5.0  # two of them are rest, for the heading of the map; from less nothing can be told
 NOTHING_S = 2.0  # the rover has not moved yet
-PATH_OF_LOOP = "loop.priority = 50, slam.particles fewer, or less other work on the host"
+PATH_OF_LOOP = "set loop.priority = 50, lower slam.particles, or run less other work on the host"
 
 
 def running_findings(facts: RunFacts) -> list[Finding]:
@@ -28,9 +28,9 @@ def _short(facts: RunFacts) -> list[Finding]:
         Finding(
             "short_run",
             Severity.ERROR if facts.duration_s < NOTHING_S else Severity.WARN,
-            f"only {facts.duration_s:.1f} s were recorded: too little to judge the run by",
-            (f"{facts.ticks.times_s.size} ticks; {SHORT_S:.0f} s are the least",),
-            "it was stopped at once, or ended early",
+            f"Only {facts.duration_s:.1f} s were recorded, too little to judge the run by",
+            (f"{facts.ticks.times_s.size} ticks; at least {SHORT_S:.0f} s are needed",),
+            "the run was stopped at once, or ended early",
             "record for longer; the last lines of the log say why it ended",
         )
     ]
@@ -49,7 +49,7 @@ def _missed(facts: RunFacts) -> list[Finding]:
         Finding(
             "missed_beats",
             severity,
-            f"{total} beats missed ({share:.1%}), {spans_text(intervals)}",
+            f"The loop missed {total} beats ({share:.1%}) during {spans_text(intervals)}",
             (f"at most {int(missed.max())} in a row",),
             "the host was busy, or a step of the filter took longer than a beat",
             PATH_OF_LOOP,
@@ -70,8 +70,8 @@ def _late(facts: RunFacts) -> list[Finding]:
         Finding(
             "late_beats",
             Severity.WARN,
-            f"{late.mean():.1%} of the beats are more than {LATE_MS:.0f} ms late (99 % within {p99:.0f} ms)",
-            (f"largest {late_ms.max():.0f} ms",),
+            f"{late.mean():.1%} of the beats began more than {LATE_MS:.0f} ms late (99 % within {p99:.0f} ms)",
+            (f"the latest of them by {late_ms.max():.0f} ms",),
             "other work on the host keeps the loop from waking up",
             PATH_OF_LOOP,
         )
@@ -89,10 +89,10 @@ def _slow(facts: RunFacts) -> list[Finding]:
         Finding(
             "slow_filter",
             Severity.INFO,
-            f"the filter takes {p99:.0f} ms of the beat's {beat_ms:.0f} ms (99 %)",
+            f"The filter takes up to {p99:.0f} ms of the {beat_ms:.0f} ms between beats (99 %)",
             (f"median {np.nanmedian(step_ms):.1f} ms",),
             "many particles or landmarks for this host",
-            "slam.particles",
+            "lower slam.particles",
         )
     ]
 
@@ -101,16 +101,16 @@ def _storage(facts: RunFacts) -> list[Finding]:
     findings = []
     if facts.gaps:
         ticks, raw = sum(gap.ticks for gap in facts.gaps), sum(gap.raw for gap in facts.gaps)
-        at = tuple((facts.seconds(gap.stamp_ns),) * 2 for gap in facts.gaps)
+        at = [facts.seconds(gap.stamp_ns) for gap in facts.gaps]
         findings.append(
             Finding(
                 "storage_gap",
                 Severity.WARN,
-                f"the record lost {ticks} ticks and {raw} raw messages, until {spans_text(at)}",
+                f"The record lost {ticks} ticks and {raw} raw messages; it went on at {times_text(at)}",
                 tuple(dict.fromkeys(gap.reason for gap in facts.gaps))[:3],
                 "the disk was full or slower than the data",
-                "free space or a faster disk; record.raw = false halves the data",
-                at,
+                "free space, or use a faster disk; record.raw = false halves the data",
+                tuple((second, second) for second in at),
             )
         )
     if facts.truncated:
@@ -119,10 +119,12 @@ def _storage(facts: RunFacts) -> list[Finding]:
             Finding(
                 "truncated",
                 Severity.WARN,
-                "the record is not whole: it ends early" if torn else "the record is damaged",
+                "The record ends early" if torn else "The record is damaged",
                 (facts.truncated,),
-                "the process was killed, or the power went" if torn else "a disk or a copy that changed bytes",
-                "nothing is needed: all whole ticks are used" if torn else "copy the run again; check the disk",
+                "the process was killed, or the power failed" if torn else "a disk or a copy changed bytes",
+                "nothing needs to be done: all whole ticks are used"
+                if torn
+                else "copy the run again, and check the disk",
             )
         )
     return findings
@@ -141,9 +143,9 @@ def _defects(facts: RunFacts) -> list[Finding]:
         Finding(
             "defect",
             Severity.ERROR,
-            f"{len(events)} errors reported by {', '.join(sorted({event.source for event in events}))}",
+            f"{len(events)} errors were reported by {', '.join(sorted({event.source for event in events}))}",
             tuple(event.reason for event in events[:3]),
             "a defect of the software",
-            "report it together with the run",
+            "report it, together with the run",
         )
     ]

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.measurements import Event, Severity
 from runtime.report.facts import RunFacts
-from runtime.report.finding import Finding, intervals_where, silences, spans_text
+from runtime.report.finding import Finding, driver_reports, intervals_where, silences, spans_text, times_text
 from runtime.report.findings.silence import while_recorded
 from runtime.report.wheel_calibration import WINDOW_S
 
@@ -16,15 +16,15 @@ SILENT_ERROR_S = 10.0
 OFTEN = 3  # reports of a kind; one bit error on a bus is no fault
 DAMAGE = {
     "crc": "frames arrive damaged, or another node sends under this id",
-    "length": "the layout of the frames is another than configured",
-    "standard": "the layout of the frames is another than configured",
-    "extended": "the layout of the frames is another than configured",
+    "length": "the frames have another layout than configured",
+    "standard": "the frames have another layout than configured",
+    "extended": "the frames have another layout than configured",
     "fd": "CAN FD frames arrive where classic ones are expected",
-    "remote": "a node asks under this id",
+    "remote": "another node requests frames under this id",
     "two_senders": "two nodes send under one id",
     "too_soon": "two nodes send under one id",
     "alive_frozen": "the node's program hangs",
-    "status": "the node says that its counts are not good",
+    "status": "the node itself reports that its counts are not valid",
     "speed_disagrees": "the encoder, its coupling or its magnet slips",
     "lost_together": "the reader was held up, or the bus was interrupted",
 }
@@ -48,10 +48,10 @@ def _silent(facts: RunFacts) -> list[Finding]:
             Finding(
                 "recording_without_odometry",
                 Severity.INFO,
-                f"the recording holds no odometry {spans_text(intervals)}",
-                (f"for up to {longest:.1f} s; its usual distance is {usual_s:.2f} s",),
+                f"The recording holds no odometry during {spans_text(intervals)}",
+                (f"for up to {longest:.1f} s; samples are usually {usual_s:.2f} s apart",),
                 "the data set holds odometry at uneven times, or the vehicle stood still",
-                "nothing: slam.odometry.gap_s says from when on the motion counts as unknown",
+                "nothing needs to be done: after slam.odometry.gap_s the motion counts as unknown",
                 intervals,
             )
         ]
@@ -66,16 +66,18 @@ def _silent(facts: RunFacts) -> list[Finding]:
     heard_of = [re.search(r"(left|right) wheel: not heard", event.reason) for event in unheard]
     sides |= {found.group(1) for found in heard_of if found is not None}
     one = len(sides) == 1 and not any(event.kind in BUS for event in around)
-    who = f"{sides.pop()} wheel" if one else "odometry"
+    who = f"The {sides.pop()} wheel encoder" if one else "The wheel encoders"
     cause = _silence_cause(around, faults, one)
     return [
         Finding(
             "wheel_silent" if one else "odometry_silent",
             Severity.ERROR if longest >= SILENT_ERROR_S else Severity.WARN,
-            f"{who} silent {spans_text(intervals)}",
-            (f"no good wheel sample for up to {longest:.1f} s", *_told([*around, *unheard])),
+            f"{who} stopped sending during {spans_text(intervals)}",
+            (f"no good wheel sample for up to {longest:.1f} s", *driver_reports([*around, *unheard])),
             cause,
-            "check power and cable of the node" + ("" if one else "s and the bus; [encoders.bus]"),
+            "check its power and its cable"
+            if one
+            else "check power and cables of both nodes and the bus; see [encoders.bus]",
             intervals,
         )
     ]
@@ -86,13 +88,13 @@ def _stuck(facts: RunFacts) -> list[Finding]:
         Finding(
             "wheel_stuck",
             Severity.WARN,
-            f"{encoder.side} encoder stuck {spans_text(encoder.intervals)}",
+            f"The {encoder.side} wheel encoder was stuck during {spans_text(encoder.intervals)}",
             (
-                f"no count while the other wheel rolled {encoder.other_rolled_m:.2f} m in {WINDOW_S:.1f} s",
-                "the laser does not see a turn about this wheel",
+                f"it did not count while the other wheel rolled {encoder.other_rolled_m:.2f} m in {WINDOW_S:.1f} s",
+                "the laser did not see a turn about this wheel",
             ),
             "the encoder's disc, coupling or channel has failed",
-            f"check the {encoder.side} encoder's coupling and channels; the pose is wrong from then on",
+            f"check the {encoder.side} encoder's coupling and channels; do not rely on the pose from then on",
             encoder.intervals,
         )
         for encoder in facts.stuck_encoders
@@ -104,20 +106,16 @@ def _silence_cause(around: list[Event], faults: list[Event], one: bool) -> str:
         if event.kind in BUS:
             return "the CAN bus is broken: wiring, termination or bit rate"
     if any("counts_per_rev" in event.reason for event in faults):
-        return "its counts are refused because it is not the node that is configured"
+        return "its counts are refused because another node is configured"
     for event in faults:
         if event.kind in DAMAGE and event.kind != "lost_together":
             return DAMAGE[event.kind]
-    return "this node lost power or its cable" if one else "both nodes lost power, or the bus is broken"
+    return "this node lost power, or its cable came loose" if one else "both nodes lost power, or the bus is broken"
 
 
 def _side(event: Event) -> str:
     found = re.match(r"(left|right) wheel", event.reason)
     return found.group(1) if found else ""
-
-
-def _told(events: list[Event], most: int = 3) -> tuple[str, ...]:
-    return tuple(f"driver: {event.reason}" for event in events[:most])
 
 
 def _damage(facts: RunFacts) -> list[Finding]:
@@ -128,15 +126,17 @@ def _damage(facts: RunFacts) -> list[Finding]:
             continue
         times_s = np.array([facts.seconds(event.stamp_ns) for event in events])
         intervals = intervals_where(times_s, np.ones(len(times_s), dtype=np.bool_), 3.0)
+        reason = kind.replace("_", " ")
+        what = "Wheel frames were lost" if kind == "lost_together" else f"Wheel frames were refused ({reason})"
         harmless = len(events) < OFTEN or kind == "lost_together"
         findings.append(
             Finding(
                 "wheel_frames_lost" if kind == "lost_together" else "wheel_frames_damaged",
                 Severity.INFO if harmless else Severity.WARN,
-                f"wheel frames: {kind.replace('_', ' ')}, {spans_text(intervals)}",
-                (f"{len(events)} reports", *_told(events, 2)),
+                f"{what} during {spans_text(intervals)}",
+                (f"{len(events)} reports", *driver_reports(events, 2)),
                 cause,
-                "cable, termination and ids of the nodes; encoders.layout",
+                "check cables, termination and ids of the nodes; see encoders.layout",
                 intervals,
             )
         )
@@ -151,10 +151,10 @@ def _misconfigured(facts: RunFacts) -> list[Finding]:
         Finding(
             "wheel_misconfigured",
             Severity.ERROR,
-            f"{_side(events[0])} node is not the one configured: counts per turn differ".strip(),
-            _told(events, 2),
+            f"The {_side(events[0])} wheel encoder has other counts per turn than configured".replace("  ", " "),
+            driver_reports(events, 2),
             "another encoder or another gear than the configuration says",
-            "vehicle.counts_per_rev: what the node reports",
+            "set vehicle.counts_per_rev to what the node reports",
         )
     ]
 
@@ -167,15 +167,15 @@ def _single_events(facts: RunFacts) -> list[Finding]:
             ("jump",),
             "wheel_jump",
             Severity.WARN,
-            "a wheel's count jumps",
+            "A wheel's count jumped",
             "a disturbed or restarted encoder",
-            "check shielding and supply of the encoder; vehicle.max_speed_mps",
+            "check shielding and supply of the encoder; see vehicle.max_speed_mps",
         ),
         (
             ("restart", "gap"),
             "wheel_node_restarted",
             Severity.WARN,
-            "a wheel node began anew",
+            "A wheel node restarted",
             "the node lost power or reset itself",
             "check the node's power supply and plug",
         ),
@@ -183,7 +183,7 @@ def _single_events(facts: RunFacts) -> list[Finding]:
             ("emergency",),
             "wheel_emergency",
             Severity.ERROR,
-            "a node raises an alarm",
+            "A wheel node raised an alarm",
             "a fault of the node itself",
             "look the code up in the node's manual",
         ),
@@ -191,16 +191,23 @@ def _single_events(facts: RunFacts) -> list[Finding]:
             BUS,
             "can_bus",
             Severity.WARN,
-            "the CAN bus has errors",
+            "The CAN bus had errors",
             "wiring, termination or bit rate",
-            "check wiring and termination; encoders.bus.bitrate",
+            "check wiring and termination; see encoders.bus.bitrate",
         ),
     ):
         events = facts.events_of("encoders", *kinds)
         if events:
             at = sorted({round(facts.seconds(event.stamp_ns), 1) for event in events})
-            text = ", ".join(f"{second:.1f} s" for second in at[:4]) + (f" and {len(at) - 4} more" if at[4:] else "")
             findings.append(
-                Finding(name, severity, f"{title} at {text}", _told(events), cause, remedy, tuple((s, s) for s in at))
+                Finding(
+                    name,
+                    severity,
+                    f"{title} at {times_text(at)}",
+                    driver_reports(events),
+                    cause,
+                    remedy,
+                    tuple((s, s) for s in at),
+                )
             )
     return findings

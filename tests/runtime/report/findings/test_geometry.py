@@ -30,7 +30,7 @@ def _titles(facts: RunFacts, together: float = 0.0, **off: float) -> list[str]:
 
 
 def test_the_smaller_wheel_is_named_with_its_share(facts: RunFacts) -> None:
-    assert _titles(facts, wheel_radius_left_m=-0.007 * 0.125) == ["left wheel 0.7% smaller than configured"]
+    assert _titles(facts, wheel_radius_left_m=-0.007 * 0.125) == ["The left wheel is 0.7% smaller than configured"]
 
 
 def test_where_only_the_difference_is_known_both_wheels_are_named(facts: RunFacts) -> None:
@@ -42,9 +42,9 @@ def test_where_only_the_difference_is_known_both_wheels_are_named(facts: RunFact
 
 def test_both_wheels_together_are_a_matter_of_scale(facts: RunFacts) -> None:
     (title,) = _titles(facts, wheel_radius_left_m=0.00125, wheel_radius_right_m=0.00125)
-    assert title.startswith("both wheels 1.0% larger")
+    assert title.startswith("Both wheels are 1.0% larger")
 
 
-def test_a_sure_deviation_that_does_not_matter_is_not_told(facts: RunFacts) -> None:
+def test_a_sure_deviation_that_does_not_matter_is_no_finding(facts: RunFacts) -> None:
     assert not _titles(facts, laser_yaw_rad=0.008)
-    assert _titles(facts, laser_yaw_rad=0.0314) == ["laser yaw offset +1.8 deg"]
+    assert _titles(facts, laser_yaw_rad=0.0314) == ["The laser is turned by +1.8 deg from its configured yaw"]
