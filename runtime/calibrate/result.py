@@ -1,4 +1,4 @@
-"""What a calibration found: values with 95 % intervals, and what it could not tell and why."""
+"""What a calibration found: values with 95 % intervals, and what it could not determine and why."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -45,7 +45,7 @@ class Calibration:
 
     @property
     def rich(self) -> bool:
-        """True if everything could be told."""
+        """True if everything could be determined."""
         return not self.missing and not any(quantity.refused for quantity in self.quantities)
 
     def quantity(self, name: str) -> Quantity:
@@ -83,7 +83,7 @@ def calibration_lines(result: Calibration) -> list[str]:
     for quantity in result.quantities:
         if quantity.refused:
             why = "see below" if quantity.refused in result.missing else quantity.refused
-            lines.append(f"{quantity.name:24s} not told: {why}")
+            lines.append(f"{quantity.name:24s} not determined: {why}")
         else:
             lines.append(f"{quantity.name:24s} {quantity.value:10.5f}  95 %: {quantity.low:.5f} to {quantity.high:.5f}")
     lines += [f"missing: {sentence}" for sentence in result.missing]

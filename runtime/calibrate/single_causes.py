@@ -1,10 +1,10 @@
 """Which few deviations from the start explain a drive: few things break at once, so few are presumed.
 
-With all parameters free, each pays for the doubt about all others: an unequal pair of wheels is told from a wrong
-tread, mount and latency at once. A single cause is surer: the slip of one wheel alone stands against it. From the free
-estimate d and its information A, the deviation of greatest likelihood along one direction v is v'Ad / v'Av, and
-v'Ad / sqrt(v'Av) is standard normal where nothing deviates. The most significant cause is taken, then the most
-significant of what is left, until none is significant.
+With all parameters free, each pays for the doubt about all others: an unequal pair of wheels must be distinguished
+from a wrong tread, mount and latency at once. A single cause is surer: the slip of one wheel alone stands against it.
+From the free estimate d and its information A, the deviation of greatest likelihood along one direction v is v'Ad /
+v'Av, and v'Ad / sqrt(v'Av) is standard normal where nothing deviates. The most significant cause is taken, then the
+most significant of what is left, until none is significant.
 """
 
 from collections.abc import Mapping

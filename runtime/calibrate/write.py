@@ -41,7 +41,7 @@ def write_configuration(result: Calibration, base_toml: str, path: Path) -> tupl
     """
     changes = configuration_changes(result, base_toml)
     if not changes:
-        raise ConfigurationError(f"{path}: not written, because the drive told nothing; {'; '.join(result.missing)}")
+        raise ConfigurationError(f"{path}: not written, because the drive showed nothing; {'; '.join(result.missing)}")
     tree = tomllib.loads(base_toml)
     for key, value in changes.items():
         *tables, last = key.split(".")
@@ -79,7 +79,7 @@ def configuration_changes(result: Calibration, base_toml: str) -> dict[str, floa
 
 
 def _uncertainties(result: Calibration) -> dict[str, float]:
-    """What the filter is told about the constants that stay a little wrong: half an interval is two deviations."""
+    """What the filter assumes of the constants that stay a little wrong: half an interval is two deviations."""
     shares = {}
     for name in ("wheel_radius_left_m", "wheel_radius_right_m", "tread_m"):
         if (quantity := result.reported(name)) is not None:

@@ -24,7 +24,7 @@ class DeviceClockReader:
             self._rows.append((raw.stamp_ns, self._counter.total_ms))
 
     def columns(self, origin_ns: int) -> DeviceClock:
-        """Arrival s since origin_ns and unwrapped counter s, (n,) each; the counter falls where it began anew."""
+        """Arrival s since origin_ns and unwrapped counter s, (n,) each; the counter falls where it restarted."""
         table = np.array(self._rows, dtype=np.int64).reshape(-1, 2)
         arrival_s: FloatArray = (table[:, 0] - origin_ns) * np.float64(1e-9)
         device_s: FloatArray = table[:, 1] * np.float64(1e-3)

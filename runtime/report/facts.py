@@ -52,7 +52,7 @@ class ScanColumns:
 
     @property
     def are_sweeps(self) -> bool:
-        """False where the sensor tells of landmarks only when it sees some: then its silence is no silence."""
+        """False where the sensor reports landmarks only when it sees some: then silence is no fault."""
         return bool(np.isfinite(self.returned_share).any()) or not self.times_s.size
 
 
@@ -76,7 +76,7 @@ class DeviceClock:
 @dataclass(frozen=True, slots=True)
 class GeometryRow:
     """One parameter of the geometry in the page's unit: as configured, 95 % interval of this run alone (None where it
-    cannot tell), and the least deviation that this run would have told if nothing else had deviated.
+    cannot tell), and the least deviation that this run would have shown if nothing else had deviated.
     """
 
     label: str

@@ -1,6 +1,5 @@
 """Rows of a few seconds gathered per entity and sent to rerun as columns: a third of the cost of row by row."""
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,6 @@ from numpy.typing import NDArray
 from drivers.measurements import FloatArray
 from runtime.review.ticks import ELAPSED, TICK
 from slam.pose import Pose2
-
-Columns = Mapping[str, Sequence[Any]]
 
 GRAIN_M = 1.0 / 256.0  # 4 mm: far below what a picture shows, and the zero bits that are left compress
 SIGMAS = 2.0  # half axes of covariance ellipses, in standard deviations

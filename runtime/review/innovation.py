@@ -1,4 +1,4 @@
-"""Innovation for eyes: what the laser saw of known landmarks against what was to be seen after the odometry's step."""
+"""Innovation: what the laser saw of known landmarks minus what it should have seen after the odometry's step."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def innovations(
 ) -> tuple[FloatArray, FloatArray]:
     """Seen minus expected range in m and bearing in rad, (k,) each, of the features matched to a landmark of the map.
 
-    The map is the last one that was told (once a second), so that a landmark may stand a second behind the filter's.
+    The map is the last one published (once a second), so that a landmark may be a second older than the filter's.
     """
     places_m = dict(zip(landmarks.identities.tolist(), landmarks.means_m, strict=True))
     known = np.array([k for k, match in enumerate(matches.tolist()) if match in places_m], np.int64)
@@ -40,7 +40,7 @@ def innovations(
 
 
 def draw_innovation(columns: ReviewColumns, range_error_m: FloatArray, bearing_error_rad: FloatArray) -> None:
-    """Mean, which tells of a bias, and root mean square, which tells of noise; nothing where nothing matched."""
+    """Mean, which shows a bias, and root mean square, which shows noise; nothing where nothing matched."""
     if not range_error_m.size:
         return
     for name, errors in (("range_m", range_error_m), ("bearing_deg", np.degrees(bearing_error_rad))):

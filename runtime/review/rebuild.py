@@ -22,7 +22,7 @@ def build_review(
 ) -> None:
     """Make review.rrd again from a run, as one file; the old ones stay until the new one is whole.
 
-    progress is told the share that is done. Raises NotARunError, StorageError, UsageError (no rerun).
+    progress gets the share that is done. Raises NotARunError, StorageError, UsageError (no rerun).
     """
     os.environ.setdefault("RUST_LOG", "error")  # rerun's own words are not for whoever asked for a picture
     with needs("rerun", "the picture of a run"):

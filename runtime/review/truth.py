@@ -1,4 +1,4 @@
-"""What an imported data set knows of the truth, laid onto the map of a run for eyes."""
+"""What an imported data set knows of the truth, drawn onto the map of a run."""
 
 from dataclasses import dataclass
 

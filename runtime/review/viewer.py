@@ -28,7 +28,7 @@ NO_VULKAN = "the viewer has no graphics driver; apt-get install mesa-vulkan-driv
 def review_paths(folder: RunFolder, progress: Callable[[float], None] | None = None) -> list[Path]:
     """Files of a run's review, made from run.mcap if the last is missing; of the newest replay if it was imported.
 
-    progress is told the share that is drawn. Raises NotARunError, StorageError, UsageError (an import, no replay).
+    progress gets the share that is drawn. Raises NotARunError, StorageError, UsageError (an import, no replay).
     """
     folder = with_estimates(RunReader(folder.path)).folder
     if not folder.review_path.is_file():

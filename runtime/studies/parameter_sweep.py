@@ -7,18 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from runtime.atomic_write import replacement
 from runtime.errors import StorageError, UsageError
 from runtime.evaluate.evaluate import against_data_set, against_simulation, nothing_known
 from runtime.evaluate.truth import DataSetTruth
 from runtime.record.reader import RunReader
 from runtime.record.trajectories import Trajectories
 from runtime.settings.configuration import load_configuration_text
+from runtime.studies.files import Row, write_rows
 from runtime.studies.jobs import Job, Result, run_jobs
-from runtime.studies.paper.tables import write_rows
 from slam.estimator import Estimator
 from slam.kernel_cache import sources_hash
-
-Row = dict[str, Any]
 
 
 def sweep_run(run: str, overrides: Mapping[str, str], seed: int, code: str, digest: str) -> Result:  # noqa: ARG001
@@ -105,7 +104,8 @@ def sweep(
     write_rows(out / "sweep.csv", rows)
     table = pyarrow.Table.from_pylist(rows)
     try:
-        parquet.write_table(table, out / "sweep.parquet")
+        with replacement(out / "sweep.parquet") as unfinished:
+            parquet.write_table(table, unfinished)
     except OSError as error:
         raise StorageError(f"{out / 'sweep.parquet'}: cannot be written ({error}); choose another --out") from error
     return {"out": str(out), "rows": len(rows), "csv": str(out / "sweep.csv"), "parquet": str(out / "sweep.parquet")}

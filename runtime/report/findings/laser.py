@@ -226,7 +226,7 @@ def _drift(facts: RunFacts) -> list[Finding]:
     """Device against host by the fastest arrivals of the first and last fifth: delays only ever add."""
     arrival, device = facts.device_clock.arrival_s, facts.device_clock.device_s
     if arrival.size < 50 or (np.diff(device) < 0.0).any():
-        return []  # a clock that began anew has no drift
+        return []  # a clock that restarted has no drift
     fifth = arrival.size // 5
     delay = arrival - device
     first, last = int(np.argmin(delay[:fifth])), arrival.size - fifth + int(np.argmin(delay[-fifth:]))

@@ -17,7 +17,7 @@ PATH_OF_LOOP = "set loop.priority = 50, lower slam.particles, or run less other 
 
 
 def running_findings(facts: RunFacts) -> list[Finding]:
-    """All of them; a replay tells of the drive it was made from."""
+    """All of them; a replay has the beats of the drive it was made from."""
     return [*_short(facts), *_missed(facts), *_late(facts), *_slow(facts), *_storage(facts), *_defects(facts)]
 
 

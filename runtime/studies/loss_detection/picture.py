@@ -1,4 +1,4 @@
-"""The curve: what is told against what is told wrongly, for either bound."""
+"""The curve: losses detected against false alarms, for either bound."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ TITLES = {"lost_score": "kidnapped, by lost_score", "lost_blind_s": "blinded, by
 
 @dataclass(frozen=True, slots=True)
 class CurvePoint:
-    """What one bound gives: share of the mishaps told within 3 s, and false alarms an hour."""
+    """What one bound gives: share of the mishaps detected within 3 s, and false alarms an hour."""
 
     bound: str
     value: float
-    told_share: float
+    detected_share: float
     false_per_hour: float
 
 
@@ -28,11 +28,11 @@ def draw(points: Sequence[CurvePoint], path: Path) -> None:
     FigureCanvasAgg(figure)
     for panel, (bound, title) in zip(figure.subplots(1, 2), TITLES.items(), strict=True):
         row = [point for point in points if point.bound == bound]
-        panel.plot([p.false_per_hour for p in row], [100.0 * p.told_share for p in row], "o-", color="tab:blue")
+        panel.plot([p.false_per_hour for p in row], [100.0 * p.detected_share for p in row], "o-", color="tab:blue")
         for point in row:
             panel.annotate(
                 f"{point.value:g}",
-                (point.false_per_hour, 100.0 * point.told_share),
+                (point.false_per_hour, 100.0 * point.detected_share),
                 textcoords="offset points",
                 xytext=(5, -10),
                 fontsize=7,
@@ -41,7 +41,7 @@ def draw(points: Sequence[CurvePoint], path: Path) -> None:
         panel.axhline(95.0, color="grey", linewidth=0.8, linestyle="--")
         panel.axvline(1.0, color="grey", linewidth=0.8, linestyle="--")
         panel.set_xlabel("false alarms per hour")
-        panel.set_ylabel("told within 3 s, %")
+        panel.set_ylabel("detected within 3 s, %")
         panel.set_ylim(-3.0, 105.0)
         panel.set_title(title, fontsize=10)
     figure.savefig(path, dpi=120)

@@ -1,6 +1,5 @@
-"""Kidnapped, blinded and undisturbed drives over many seeds: how often loss is told, and how often told wrongly."""
+"""Kidnapped, blinded and undisturbed drives over many seeds: how often a loss is detected, and false alarms."""
 
-import csv
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from runtime.source_tree import code_hash
+from runtime.studies.files import Row, write_rows
 from runtime.studies.jobs import Job, Result, run_jobs
 from runtime.studies.loss_detection.drives import BLINDED, KIDNAPPED, MishapKind
-from runtime.studies.loss_detection.picture import CurvePoint
+from runtime.studies.loss_detection.picture import CurvePoint, draw
 from runtime.studies.loss_detection.trial import PLACES, judged_again, trial
 from slam.estimate import Quality
 from slam.settings.quality import QualitySettings
@@ -77,27 +77,26 @@ def study(size: StudySize, folder: Path, code: str, scheduler: str | None, progr
     results = run_jobs(study_jobs(size, code), folder / "jobs", scheduler, progress)
     outcome = summarise(results)
     points = curve(results)
-    write_points(points, folder / "curve.csv")
-    write_drives(results, folder / "drives.csv")
-    from runtime.studies.loss_detection.picture import draw
-
+    rows = [point_row(point) for point in points]
+    write_rows(folder / "curve.csv", rows)
+    write_rows(folder / "drives.csv", drive_rows(results))
     draw(points, folder / "curve.png")
-    return outcome | {"curve": str(folder / "curve.png"), "points": [vars_of(point) for point in points]}
+    return outcome | {"curve": str(folder / "curve.png"), "points": rows}
 
 
 def summarise(results: Sequence[Result]) -> dict[str, Any]:
-    """Told share by kind and by sort, false alarms, and drives that were truly lost without a mishap."""
+    """Share detected by kind and by group, false alarms, and drives that were truly lost without a mishap."""
     defaults = QualitySettings()
-    told: dict[str, list[float | None]] = {}
+    delays: dict[str, list[float | None]] = {}
     for result in results:
         if result["kind"]:
-            told.setdefault(result["kind"], []).append(told_after_s(result, defaults))
+            delays.setdefault(result["kind"], []).append(detected_after_s(result, defaults))
     false, true = alarms(results, defaults)
     hours = driven_h(results)
     return {
-        "kinds": {kind: kind_figures(delays) for kind, delays in told.items()},
-        "kidnapped": kind_figures([delay for kind in KIDNAPPED for delay in told.get(kind.value, [])]),
-        "blinded": kind_figures([delay for kind in BLINDED for delay in told.get(kind.value, [])]),
+        "kinds": {kind: kind_figures(found) for kind, found in delays.items()},
+        "kidnapped": kind_figures([delay for kind in KIDNAPPED for delay in delays.get(kind.value, [])]),
+        "blinded": kind_figures([delay for kind in BLINDED for delay in delays.get(kind.value, [])]),
         "hours": round(hours, 2),
         "false_alarms": false,
         "false_per_hour": round(false / hours, 3) if hours else None,
@@ -106,7 +105,7 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
 
 
 def kind_figures(delays: Sequence[float | None]) -> dict[str, Any]:
-    """Drives, share told within 3 s, median and largest delay of those that were told."""
+    """Drives, share detected within 3 s, median and largest delay of those that were detected."""
     known = sorted(delay for delay in delays if delay is not None)
     return {
         "runs": len(delays),
@@ -116,7 +115,7 @@ def kind_figures(delays: Sequence[float | None]) -> dict[str, Any]:
     }
 
 
-def told_after_s(result: Result, settings: QualitySettings) -> float | None:
+def detected_after_s(result: Result, settings: QualitySettings) -> float | None:
     """From the mishap to the first tick that says lost; None if none does."""
     trace = np.array(result["trace"])
     for row, quality in zip(trace, judged_again(trace, settings), strict=True):
@@ -154,58 +153,52 @@ def curve(results: Sequence[Result]) -> list[CurvePoint]:
         mishaps = [result for result in results if result["kind"] in kinds]
         for value in values:
             settings = QualitySettings.model_validate({bound: value})
-            delays = [told_after_s(result, settings) for result in mishaps]
-            told = sum(delay is not None and delay <= WITHIN_S for delay in delays) / max(len(delays), 1)
-            points.append(CurvePoint(bound, value, told, alarms(results, settings)[0] / hours))
+            delays = [detected_after_s(result, settings) for result in mishaps]
+            detected = sum(delay is not None and delay <= WITHIN_S for delay in delays) / max(len(delays), 1)
+            points.append(CurvePoint(bound, value, detected, alarms(results, settings)[0] / hours))
     return points
 
 
-def write_points(points: Sequence[CurvePoint], path: Path) -> None:
-    """The curve as CSV."""
-    with path.open("w", newline="") as handle:
-        writer = csv.writer(handle)
-        writer.writerow(("bound", "value", "told_share", "false_per_hour"))
-        writer.writerows((p.bound, p.value, round(p.told_share, 4), round(p.false_per_hour, 4)) for p in points)
+def drive_rows(results: Sequence[Result]) -> list[Row]:
+    """One row a drive."""
+    return [
+        {
+            **{name: result[name] for name in ("seed", "where", "kind", "at_s")},
+            "told_after_s": detected_after_s(result, QualitySettings()) if result["kind"] else None,
+            "largest_error_m": max(tick[8] for tick in result["trace"]),
+            "changes": len(result["states"]) - 1,
+        }
+        for result in results
+    ]
 
 
-def write_drives(results: Sequence[Result], path: Path) -> None:
-    """One line a drive."""
-    with path.open("w", newline="") as handle:
-        writer = csv.writer(handle)
-        writer.writerow(("seed", "where", "kind", "at_s", "told_after_s", "largest_error_m", "changes"))
-        for result in results:
-            told = told_after_s(result, QualitySettings()) if result["kind"] else None
-            row = (result["seed"], result["where"], result["kind"], result["at_s"], told)
-            writer.writerow((*row, max(tick[8] for tick in result["trace"]), len(result["states"]) - 1))
-
-
-def vars_of(point: CurvePoint) -> dict[str, Any]:
-    """For JSON."""
+def point_row(point: CurvePoint) -> Row:
+    """For CSV and JSON."""
     return {
         "bound": point.bound,
         "value": point.value,
-        "told_share": round(point.told_share, 4),
+        "told_share": round(point.detected_share, 4),
         "false_per_hour": round(point.false_per_hour, 4),
     }
 
 
 def study_lines(outcome: dict[str, Any]) -> list[str]:
     """For a person, each figure beside what it must be."""
-    lines = [f"{'':18s} {'drives':>7s} {'told in 3 s':>12s} {'median':>8s} {'slowest':>8s}"]
+    lines = [f"{'':18s} {'drives':>7s} {'found in 3 s':>12s} {'median':>8s} {'slowest':>8s}"]
     for name, row in (("kidnapped", outcome["kidnapped"]), ("blinded", outcome["blinded"]), *outcome["kinds"].items()):
         if row["runs"]:
             delays = (f"{row[key]:.2f} s" if row[key] is not None else "-" for key in ("delay_p50_s", "delay_max_s"))
             figures = " ".join(f"{delay:>8s}" for delay in delays)
             lines.append(f"{name:18s} {row['runs']:7d} {row['told_share']:12.0%} {figures}")
     per_hour = outcome["false_per_hour"]
-    told = min(outcome[sort]["told_share"] or 0.0 for sort in ("kidnapped", "blinded"))
+    detected = min(outcome[sort]["told_share"] or 0.0 for sort in ("kidnapped", "blinded"))
     lines.append(
         f"false alarms       {outcome['false_alarms']} in {outcome['hours']} h"
         + (f" ({per_hour:g} an hour)" if per_hour is not None else "")
         + f"; truly lost without a mishap: {outcome['true_losses']}"
     )
-    met = told >= MUST_SHARE and per_hour is not None and per_hour < MUST_PER_HOUR
+    met = detected >= MUST_SHARE and per_hour is not None and per_hour < MUST_PER_HOUR
     verdict = "ok" if met else "NOT MET"
-    lines.append(f"must               {MUST_SHARE:.0%} told, fewer than {MUST_PER_HOUR:g} an hour: {verdict}")
+    lines.append(f"must               {MUST_SHARE:.0%} detected, fewer than {MUST_PER_HOUR:g} an hour: {verdict}")
     lines.append(f"curve              {outcome['curve']}")
     return lines

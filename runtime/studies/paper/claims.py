@@ -4,8 +4,9 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
+from runtime.studies.files import Row
 from runtime.studies.paper.spread import spread
-from runtime.studies.paper.study import OUTDOOR, PRINTED, Cell, Outcomes, Row, column
+from runtime.studies.paper.study import OUTDOOR, PRINTED, Cell, Outcomes, column
 
 Verdict = Literal["holds", "does not hold", "undecided"]
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from runtime.studies.paper.study import Row
+from runtime.studies.files import Row
 
 
 def report_lines(result: dict[str, Any]) -> list[str]:

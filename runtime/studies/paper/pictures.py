@@ -12,8 +12,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from runtime.studies.files import Row
 from runtime.studies.paper.drives.recorded_drive import VICTORIA
-from runtime.studies.paper.study import OUTDOOR, PRINTED, VICTORIA_PARTICLES, Cell, Outcomes, Row
+from runtime.studies.paper.study import OUTDOOR, PRINTED, VICTORIA_PARTICLES, Cell, Outcomes
 
 COLOURS = {"truth": "black", "particles": "tab:blue", "published": "tab:red", "odometry": "tab:gray"}
 NAMES = {"normal": "normal estimation", "proposed": "proposed, unscented", "ekf": "proposed, EKF (FastSLAM 2.0)"}

@@ -7,8 +7,9 @@ there is shown by leaving out 5 % of what was seen.
 
 from collections.abc import Iterable, Sequence
 
+from runtime.studies.files import Row
 from runtime.studies.paper.drives.arms import PROPOSED
-from runtime.studies.paper.study import BLIND, Row
+from runtime.studies.paper.study import BLIND
 from runtime.studies.paper.targets import RATIO, WORST, Target, targets
 
 UNSCENTED_QUANTITIES = ("particles_largest_m", "particles_aligned_rms_m", "particles_aligned_trimmed_rms_m")

@@ -6,6 +6,7 @@ from typing import Any
 
 from runtime.errors import StorageError
 from runtime.optional_packages import needs
+from runtime.studies.files import write_json, write_rows, write_text
 from runtime.studies.paper import tables
 from runtime.studies.paper.claims import OURS, claims
 from runtime.studies.paper.page import report_lines
@@ -35,29 +36,29 @@ def reproduce(
     if "fig2" in parts:
         pictures, rows = figures.fig2(outcomes, folder)
         written += pictures
-        tables.write_rows(folder / "fig2.csv", rows)
+        write_rows(folder / "fig2.csv", rows)
     if "table1" in parts:
         rows = tables.table1_rows(spreads)
-        tables.write_rows(folder / "table1.csv", rows)
+        write_rows(folder / "table1.csv", rows)
         written += figures.table1(rows, folder)
     if "ablation" in parts:
-        tables.write_rows(folder / "ablation.csv", [row for row in comparisons if row["world"] == "V2"])
+        write_rows(folder / "ablation.csv", [row for row in comparisons if row["world"] == "V2"])
         written += figures.ablation([row for row in comparisons if row["world"] == "V2"], folder)
     if "fig5" in parts:
         rows = [row for world in (OUTDOOR, PRINTED) for row in tables.scan_rows(outcomes, Cell(world, "proposed"))]
-        tables.write_rows(folder / "fig5.csv", rows)
+        write_rows(folder / "fig5.csv", rows)
         written += figures.fig5(outcomes, folder)
     if "fig6" in parts:
         written += figures.fig6(outcomes, folder)
-    tables.write_rows(folder / "paths.csv", tables.path_rows(outcomes))
-    tables.write_rows(folder / "maps.csv", tables.map_rows(outcomes))
-    tables.write_rows(folder / "figures.csv", spreads)
-    tables.write_rows(folder / "comparisons.csv", comparisons)
+    write_rows(folder / "paths.csv", tables.path_rows(outcomes))
+    write_rows(folder / "maps.csv", tables.map_rows(outcomes))
+    write_rows(folder / "figures.csv", spreads)
+    write_rows(folder / "comparisons.csv", comparisons)
     found, unscented = claims(outcomes, comparisons), unscented_rows(comparisons)
-    tables.write_rows(folder / "unscented.csv", unscented)
+    write_rows(folder / "unscented.csv", unscented)
     published = published_rows(spreads, comparisons) if "published" in parts else []
     if published:
-        tables.write_rows(folder / "published.csv", published)
+        write_rows(folder / "published.csv", published)
     result = {
         "out": str(folder),
         "parts": list(study.parts),
@@ -72,8 +73,8 @@ def reproduce(
         "not_given_in_the_paper": list(OURS),
         "pictures": [str(path) for path in written],
     }
-    tables.write_json(folder / "paper.json", result)
-    tables.write_text(folder / "results.md", report_lines(result))
+    write_json(folder / "paper.json", result)
+    write_text(folder / "results.md", report_lines(result))
     return result
 
 

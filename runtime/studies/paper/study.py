@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers.measurements import FloatArray
 from runtime.source_tree import code_hash
+from runtime.studies.files import Row
 from runtime.studies.jobs import Job, Result, run_jobs
 from runtime.studies.paper.drives.arms import NORMAL, PROPOSALS, PROPOSED, RANGE_GATED, ablation_arms
 from runtime.studies.paper.drives.blind_step import blind_step
@@ -16,8 +17,6 @@ from runtime.studies.paper.drives.feature_drive import feature_drive
 from runtime.studies.paper.drives.outdoor_drive import outdoor_drive
 from runtime.studies.paper.drives.recorded_drive import CODED, INDOOR, VICTORIA, is_there, recorded_drive
 from runtime.studies.paper.spread import compare, spread
-
-Row = dict[str, Any]
 
 PARTS = ("published", "fig1", "fig2", "table1", "ablation", "fig5", "fig6")
 FEATURE_WORLDS = ("P", "V2")

@@ -1,43 +1,9 @@
-"""Figures as files: CSV beside every picture, JSON for all of it."""
+"""The tables of the paper's study as rows: paths, maps, one scan, and Table I."""
 
-import csv
-import json
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
-from runtime.errors import StorageError
+from runtime.studies.files import Row
 from runtime.studies.paper.study import Cell, Outcomes
-
-Row = dict[str, Any]
-
-
-def write_rows(path: Path, rows: Sequence[Row]) -> None:
-    """A CSV file; columns are the keys in the order of their first use. Raises StorageError."""
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    try:
-        with path.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.DictWriter(stream, names)
-            writer.writeheader()
-            writer.writerows(rows)
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written ({error.strerror}); choose another --out") from error
-
-
-def write_json(path: Path, content: Any) -> None:
-    """One JSON file. Raises StorageError."""
-    try:
-        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written ({error.strerror}); choose another --out") from error
-
-
-def write_text(path: Path, lines: Sequence[str]) -> None:
-    """One text file. Raises StorageError."""
-    try:
-        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written ({error.strerror}); choose another --out") from error
 
 
 def path_rows(outcomes: Outcomes) -> list[Row]:

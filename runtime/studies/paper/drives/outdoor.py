@@ -22,7 +22,6 @@ SCALE = 3.0  # a course of some 66 m
 ROBOTS = ((6.0, 1.4), (14.0, -1.4), (45.0, 1.6))  # m ahead at the start, m to the left of the course
 ROBOT_SHARE = 0.7  # of the rover's speed: it meets and passes them
 ROBOT_RADIUS_M = 0.35  # half of the paper's own robot's diagonal, seen at the height of the laser
-SURFACE_ROBOT = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -58,8 +58,9 @@ def recorded_drive(
 ) -> Result:
     """Figures of one recording against its own truth; `code` as in feature_drive.
 
-    withheld: identities that the sensor reports are not told. left_out: share of scans, or of sightings, that is left
-    out at random: the published pose has no random part of its own, so this shows how much of it is luck.
+    withheld: the filter does not get the identities that the sensor reports. left_out: share of scans, or of
+    sightings, that is left out at random: the published pose has no random part of its own, so this shows how much
+    of it is luck.
     Raises FileNotFoundError where the recording is not there.
     """
     folder = SHARED_DATA / data_set

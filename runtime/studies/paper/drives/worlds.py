@@ -58,11 +58,6 @@ class FeatureStep:
     truth: Pose2
     landmark_of_sighting: IntArray
 
-    def identified(self) -> Sightings:
-        """The same with true identities, for the baseline of perfect association."""
-        seen = self.sightings
-        return Sightings(seen.stamp_ns, seen.ranges_m, seen.bearings_rad, self.landmark_of_sighting.copy())
-
 
 @dataclass(frozen=True, eq=False)
 class FeatureDrive:

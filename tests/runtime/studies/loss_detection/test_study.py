@@ -6,9 +6,20 @@ from pathlib import Path
 import pytest
 
 from drivers.settings.simulated_world import WorldSettings
+from runtime.studies.files import write_rows
 from runtime.studies.jobs import Result
 from runtime.studies.loss_detection.drives import KIDNAPPED, MishapKind, draw_mishap, simulated_ticks
-from runtime.studies.loss_detection.study import StudySize, alarms, study_jobs, summarise, told_after_s
+from runtime.studies.loss_detection.picture import draw
+from runtime.studies.loss_detection.study import (
+    StudySize,
+    alarms,
+    curve,
+    detected_after_s,
+    drive_rows,
+    point_row,
+    study_jobs,
+    summarise,
+)
 from runtime.studies.loss_detection.trial import COLUMNS, trial
 from slam.pose import Pose2
 from slam.settings.quality import QualitySettings
@@ -25,14 +36,14 @@ def results() -> list[Result]:
 
 def test_judging_again_agrees_with_the_drive_itself(results: list[Result]) -> None:
     for result in results:
-        assert result["kind"] == "" or told_after_s(result, QualitySettings()) is not None
+        assert result["kind"] == "" or detected_after_s(result, QualitySettings()) is not None
         lost = [state for state in result["states"] if state[1] == "lost"]
         assert bool(lost) == bool(result["kind"])
     assert alarms(results, QualitySettings()) == (0, 0)
 
 
 def test_a_bound_out_of_reach_tells_of_nothing(results: list[Result]) -> None:
-    assert told_after_s(results[0], QualitySettings(lost_score=1e6, lost_blind_s=900.0)) is None
+    assert detected_after_s(results[0], QualitySettings(lost_score=1e6, lost_blind_s=900.0)) is None
 
 
 def test_the_summary_is_json_and_counts_every_drive(results: list[Result]) -> None:
@@ -64,12 +75,9 @@ def test_a_kidnapped_rover_is_elsewhere_while_its_wheels_report_nothing(kind: Mi
 
 
 def test_the_curve_is_written_as_a_table_and_a_picture(results: list[Result], tmp_path: Path) -> None:
-    from runtime.studies.loss_detection.picture import draw
-    from runtime.studies.loss_detection.study import curve, write_drives, write_points
-
     points = curve(results)
-    write_points(points, tmp_path / "curve.csv")
-    write_drives(results, tmp_path / "drives.csv")
+    write_rows(tmp_path / "curve.csv", [point_row(point) for point in points])
+    write_rows(tmp_path / "drives.csv", drive_rows(results))
     draw(points, tmp_path / "curve.png")
     assert len((tmp_path / "curve.csv").read_text().splitlines()) == len(points) + 1
     assert len((tmp_path / "drives.csv").read_text().splitlines()) == 4

@@ -22,10 +22,10 @@ def test_a_share_of_sightings_or_of_scans_is_left_out_and_a_seed_leaves_out_the_
 
 
 def test_withheld_identities_are_gone_and_the_rest_stays() -> None:
-    (told,) = without_identities([sightings(3)])
-    assert isinstance(told, Sightings)
-    assert told.identities.tolist() == [-1, -1, -1]
-    assert told.ranges_m.tolist() == [2.0, 2.0, 2.0]
+    (anonymous,) = without_identities([sightings(3)])
+    assert isinstance(anonymous, Sightings)
+    assert anonymous.identities.tolist() == [-1, -1, -1]
+    assert anonymous.ranges_m.tolist() == [2.0, 2.0, 2.0]
 
 
 def drive_round(offset_rad: float) -> FloatArray:
