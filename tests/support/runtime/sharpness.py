@@ -9,7 +9,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from drivers.measurements import FloatArray
-from runtime.calibrate.dead_reckoning import composed, inverted
 from runtime.calibrate.drive_data import DriveData
 from runtime.calibrate.scans.laser_motion import keyframes, laser_twist
 from runtime.calibrate.scans.shapes import scan_points
