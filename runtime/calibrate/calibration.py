@@ -8,7 +8,7 @@ import numpy as np
 from drivers.measurements import FloatArray, SpeedSteering
 from runtime.calibrate.drive_data import CalibrationStart, DriveData, SteeringStart, check_drives
 from runtime.calibrate.result import Calibration, Quantity
-from runtime.calibrate.richness import Measure, measures
+from runtime.calibrate.richness import MotionCoverage, measures
 from runtime.calibrate.scans.laser_motion import LaserMotion, laser_motion
 from runtime.calibrate.scans.range_noise import RangeNoise, range_noise
 from runtime.calibrate.single_causes import Fit
@@ -66,7 +66,7 @@ def calibrate(drives: Sequence[DriveData], initial: CalibrationStart | SteeringS
             break
     noise = range_noise(drives)
     found = measures(motions, model, solution.parameters, solution.kept.astype(np.float64), noise.still_scans)
-    trouble = _trouble(motions, model, solution)
+    trouble, contradicts_start = _trouble(motions, model, solution)
     steps = int(solution.kept.sum())
     quantities = (*_geometry(model, solution, found, trouble), *_noise(model, solution, noise, trouble))
     return Calibration(
@@ -78,6 +78,7 @@ def calibrate(drives: Sequence[DriveData], initial: CalibrationStart | SteeringS
         int((~solution.kept).sum()),
         sum(motion.failed for motion in motions),
         None if trouble else Fit(model.names, model.start, solution.parameters, solution.covariance, steps),
+        contradicts_start,
     )
 
 
@@ -100,31 +101,31 @@ def _matched_and_solved(
     return motions, solve(motions, model)
 
 
-def _trouble(motions: Sequence[LaserMotion], model: WheelModel, solution: Solution) -> str:
-    """Why nothing of it can be believed; "" if it can."""
+def _trouble(motions: Sequence[LaserMotion], model: WheelModel, solution: Solution) -> tuple[str, bool]:
+    """Why nothing of it can be believed, "" if it can; and whether that is because it contradicts the start."""
     steps, kept = len(solution.kept), int(solution.kept.sum())
     tried = steps + sum(motion.failed for motion in motions)
     if tried >= FEWEST_STEPS and kept < AGREEING_SHARE * tried:
         return (
             f"wheels and laser agree on {kept} of {tried} steps, expected {AGREEING_SHARE:.0%}; drive where the laser "
             "sees things that stand still, and check counts per revolution and sign of both wheels"
-        )
+        ), True
     if kept < FEWEST_STEPS:
         return (
             f"only {kept} steps could be matched, expected at least {FEWEST_STEPS}; "
             "drive farther where the laser sees things"
-        )
+        ), False
     away = np.abs(solution.parameters - model.start) / model.prior
     if away.max() > FARTHEST or abs(solution.parameters[-1]) >= LATENCY_BOUND_S:
         worst = int(np.argmax(away))
         return (
             f"{model.names[worst]} came out as {solution.parameters[worst]:.4g}, too far from {model.start[worst]:.4g} "
             "to be wear; check the configuration's geometry and counts per revolution, and calibrate again"
-        )
-    return ""
+        ), True
+    return "", False
 
 
-def _geometry(model: WheelModel, solution: Solution, found: Sequence[Measure], trouble: str) -> list[Quantity]:
+def _geometry(model: WheelModel, solution: Solution, found: Sequence[MotionCoverage], trouble: str) -> list[Quantity]:
     deviations = np.sqrt(np.diag(solution.covariance))
     quantities = []
     for name, value, deviation, prior in zip(model.names, solution.parameters, deviations, model.prior, strict=True):

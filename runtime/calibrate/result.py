@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-from runtime.calibrate.richness import Measure
+from runtime.calibrate.richness import MotionCoverage
 from runtime.calibrate.single_causes import Fit
 
 
@@ -31,17 +31,19 @@ class Calibration:
     """The whole result. missing: sentences that say what to drive or check; rich: nothing is missing.
 
     steps: pieces of way on which wheels and laser agree; left_out: on which they do not; unmatched: seen too little of.
-    fit: all parameters together, None where nothing of it can be believed.
+    fit: all parameters together, None where nothing of it can be believed. contradicts_start: that is so because wheels
+    and laser disagree, or the result is too far from the start to be wear.
     """
 
     drives: tuple[str, ...]
     quantities: tuple[Quantity, ...]
-    measures: tuple[Measure, ...]
+    measures: tuple[MotionCoverage, ...]
     missing: tuple[str, ...]
     steps: int
     left_out: int
     unmatched: int
     fit: Fit | None = field(default=None, compare=False)
+    contradicts_start: bool = False
 
     @property
     def rich(self) -> bool:
@@ -90,7 +92,7 @@ def calibration_lines(result: Calibration) -> list[str]:
     return lines
 
 
-def _measure_json(item: Measure) -> dict[str, Any]:
+def _measure_json(item: MotionCoverage) -> dict[str, Any]:
     return {"have": item.have, "want": item.want, "unit": item.unit}
 
 

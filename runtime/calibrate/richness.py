@@ -14,7 +14,7 @@ STRAIGHT_RAD_PER_M = 0.1  # gentler than a bend of 10 m radius
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
+class MotionCoverage:
     """One kind of motion: how much there was, how much is wanted, and what to do for more."""
 
     name: str
@@ -35,27 +35,27 @@ class Measure:
 
 def measures(
     motions: Sequence[LaserMotion], model: WheelModel, parameters: FloatArray, used: FloatArray, still_scans: int
-) -> tuple[Measure, ...]:
+) -> tuple[MotionCoverage, ...]:
     """What the drives held. used (n,): 1 for the steps that wheels and laser agree on, 0 for the others."""
     rows = [_rows(motion, model, parameters) for motion in motions]
     table = np.concatenate(rows) * used[:, None]
     distance, turn, change = np.abs(table[:, 0]), table[:, 1], np.abs(table[:, 2])
     straight = distance[np.abs(turn) <= STRAIGHT_RAD_PER_M * distance].sum()
     return (
-        Measure(
+        MotionCoverage(
             "distance seen by the laser", float(distance.sum()), 15.0, "m", "drive farther where the laser sees things"
         ),
-        Measure("straight driving", float(straight), 4.0, "m", "drive a straight stretch"),
-        Measure("turning left", float(turn[turn > 0.0].sum()), 2.5, "rad", "turn more to the left"),
-        Measure("turning right", float(-turn[turn < 0.0].sum()), 2.5, "rad", "turn more to the right"),
-        Measure(
+        MotionCoverage("straight driving", float(straight), 4.0, "m", "drive a straight stretch"),
+        MotionCoverage("turning left", float(turn[turn > 0.0].sum()), 2.5, "rad", "turn more to the left"),
+        MotionCoverage("turning right", float(-turn[turn < 0.0].sum()), 2.5, "rad", "turn more to the right"),
+        MotionCoverage(
             "change of speed and turning",
             float(change.sum()),
             3.0,
             "m/s",
             "start, stop, and go in and out of turns more often",
         ),
-        Measure("standstill", float(still_scans), 10.0, "scans", "stand still for two seconds"),
+        MotionCoverage("standstill", float(still_scans), 10.0, "scans", "stand still for two seconds"),
     )
 
 

@@ -38,7 +38,7 @@ FIGURES = (
     ("tracking", "share", ("filter", "quality_share", "tracking")),
     ("standard deviation of the position, median", "m", ("filter", "position_sd_m", "p50")),
     ("matches in a scan, median", "", ("filter", "matched", "p50")),
-    ("landmarks born", "", ("landmarks", "born")),
+    ("landmarks created", "", ("landmarks", "born")),
     ("landmarks removed", "", ("landmarks", "removed")),
     ("landmarks in the map", "", ("landmarks", "confirmed")),
 )

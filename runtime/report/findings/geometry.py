@@ -90,19 +90,18 @@ def _fit(facts: RunFacts) -> Fit | None:
 
 def _disagreement(result: Calibration) -> list[Finding]:
     """Nothing fits at all: not wear, but a wrong number."""
-    for sentence in result.missing:
-        if sentence.startswith("wheels and laser agree") or "too far from" in sentence:
-            return [
-                Finding(
-                    "wheels_laser_disagree",
-                    Severity.WARN,
-                    "The wheels and the laser disagree about the motion",
-                    (sentence,),
-                    "counts per turn, a sign, a radius or the mount are wrong, or the wheels slip all the time",
-                    "check vehicle.counts_per_rev, vehicle.wheel_radius_left_m, _right_m and slam.mount",
-                )
-            ]
-    return []
+    if not result.contradicts_start:
+        return []
+    return [
+        Finding(
+            "wheels_laser_disagree",
+            Severity.WARN,
+            "The wheels and the laser disagree about the motion",
+            result.missing[:1],
+            "counts per turn, a sign, a radius or the mount are wrong, or the wheels slip all the time",
+            "check vehicle.counts_per_rev, vehicle.wheel_radius_left_m, _right_m and slam.mount",
+        )
+    ]
 
 
 def _ratio_text(ratio: float) -> str:

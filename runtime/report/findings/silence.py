@@ -9,7 +9,7 @@ RECORDED_SHARE = 0.5
 
 
 def while_recorded(facts: RunFacts, intervals: tuple[Interval, ...]) -> tuple[Interval, ...]:
-    """Those during which the loop went on and was recorded: where ticks are missing too, no sensor was silent."""
+    """Those in which the loop ran and was recorded: where ticks are missing too, no sensor was silent."""
     usual_s = float(np.median(np.diff(facts.ticks.times_s))) if facts.ticks.times_s.size > 1 else 0.1
     kept = []
     for start, end in intervals:

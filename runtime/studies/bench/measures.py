@@ -34,7 +34,7 @@ DRIVEN = SlamSettings(particles=100, mount=MountSettings(x_m=0.3))
 
 
 @dataclass(frozen=True, slots=True)
-class Measure:
+class BenchFigure:
     """One figure: the median, and its 99th percentile where there is a spread."""
 
     name: str
@@ -43,25 +43,25 @@ class Measure:
     p99: float | None = None
 
 
-def measures() -> Iterator[Measure]:
+def measures() -> Iterator[BenchFigure]:
     """All of them, one after the other; two to three minutes."""
     Estimator.warm_up()
     scene = Scene(100, 1000, 30)
     step_100, joint = filter_steps(scene)
     plain = min(plain_step(scene.particles, scene.next_scan()[1]) for _ in range(3))
-    yield Measure("step_m100_n1000_k30", *spread(step_100))
-    yield Measure("joint_n1000_k30", *spread(joint))
-    yield Measure("plain_numpy_over_step_m100_n1000_k30", round(plain / float(np.median(step_100)), 1), "ratio")
+    yield BenchFigure("step_m100_n1000_k30", *spread(step_100))
+    yield BenchFigure("joint_n1000_k30", *spread(joint))
+    yield BenchFigure("plain_numpy_over_step_m100_n1000_k30", round(plain / float(np.median(step_100)), 1), "ratio")
     large = Scene(1000, 1000, 30)
-    yield Measure("step_m1000_n1000_k30", *spread(filter_steps(large)[0]))
+    yield BenchFigure("step_m1000_n1000_k30", *spread(filter_steps(large)[0]))
     yield from resampling(large)
     yield from growth()
     yield from map_memory(scene)
     scans = drive_scans()
-    yield Measure("front_end_1081", *spread(front_end_times(scans)))
-    yield Measure("tick_m100", *spread(tick_times(scans)))
+    yield BenchFigure("front_end_1081", *spread(front_end_times(scans)))
+    yield BenchFigure("tick_m100", *spread(tick_times(scans)))
     speeds = [times_real_time(scans, Configuration(slam=DRIVEN)) for _ in range(3)]
-    yield Measure("replay_speed", round(float(np.median(speeds)), 1), "times real time")
+    yield BenchFigure("replay_speed", round(float(np.median(speeds)), 1), "times real time")
     yield start_warm()
 
 
@@ -93,7 +93,7 @@ def filter_steps(scene: Scene, settling: int = SETTLING, repeats: int = REPEATS)
     return np.array(particles), np.array(joint)
 
 
-def resampling(scene: Scene) -> Iterator[Measure]:
+def resampling(scene: Scene) -> Iterator[BenchFigure]:
     """Taking over the maps of survivors, against copying dense arrays."""
     rng = np.random.default_rng(1)
     count = len(scene.particles.poses)
@@ -103,12 +103,12 @@ def resampling(scene: Scene) -> Iterator[Measure]:
         adopt_maps(scene.particles.store.pages, parents_in_place(systematic_copies(weights / weights.sum(), 0.5)))
 
     times = np.array([timed_ms(resample) for _ in range(REPEATS)])
-    yield Measure("resample_m1000_n1000", *spread(times))
+    yield BenchFigure("resample_m1000_n1000", *spread(times))
     plain = plain_resample(count, 1000, rng)
-    yield Measure("plain_numpy_over_resample_m1000_n1000", round(plain / float(np.median(times)), 1), "ratio")
+    yield BenchFigure("plain_numpy_over_resample_m1000_n1000", round(plain / float(np.median(times)), 1), "ratio")
 
 
-def growth() -> Iterator[Measure]:
+def growth() -> Iterator[BenchFigure]:
     """Median of a whole step, joint Gaussian included, with 20 000 landmarks in the map over that with 200.
 
     The two take turns, so that both meet the same company on the machine.
@@ -120,15 +120,15 @@ def growth() -> Iterator[Measure]:
             particles, joint = filter_steps(scene, SETTLING if turn == 0 else 5, REPEATS // TURNS)
             spent.append(particles + joint)
     small, large = (float(np.median(np.concatenate(spent))) for spent in times)
-    yield Measure("growth_n20000_over_n200", round(large / small, 3), "ratio")
+    yield BenchFigure("growth_n20000_over_n200", round(large / small, 3), "ratio")
 
 
-def map_memory(scene: Scene) -> Iterator[Measure]:
+def map_memory(scene: Scene) -> Iterator[BenchFigure]:
     """Bytes that the map takes for each particle and landmark, after driving with real resampling."""
     store = scene.particles.store
     mapped = len(scene.particles.poses) * store.count_of(scene.particles.best)
-    yield Measure("bytes_per_particle_landmark", round(store.used_bytes() / mapped, 1), "bytes")
-    yield Measure("allocated_bytes_per_particle_landmark", round(store.allocated_bytes() / mapped, 1), "bytes")
+    yield BenchFigure("bytes_per_particle_landmark", round(store.used_bytes() / mapped, 1), "bytes")
+    yield BenchFigure("allocated_bytes_per_particle_landmark", round(store.allocated_bytes() / mapped, 1), "bytes")
 
 
 def drive_scans() -> list[tuple[int, Scan, WheelCounts, Pose2]]:
@@ -163,7 +163,7 @@ def tick_times(rows: list[tuple[int, Scan, WheelCounts, Pose2]]) -> FloatArray:
     return np.array([timed_ms(partial(estimator.step, now, scan, (wheels,))) for now, scan, wheels, _ in rows])
 
 
-def start_warm() -> Measure:
+def start_warm() -> BenchFigure:
     """From the start of a process to the end of its first tick, with a warm compile cache, s of the wall clock."""
     program = (
         "import runtime.live.parts, runtime.live.run\n"
@@ -176,4 +176,4 @@ def start_warm() -> Measure:
         began_s = time.monotonic()
         subprocess.run([sys.executable, "-c", program], check=True)
         times.append(time.monotonic() - began_s)
-    return Measure("start_warm", round(float(np.median(times)), 2), "s", round(max(times), 2))
+    return BenchFigure("start_warm", round(float(np.median(times)), 2), "s", round(max(times), 2))
