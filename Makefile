@@ -67,12 +67,14 @@ $(VENV)/.installed-dev: requirements-dev.lock $(VENV)/.installed
 	@$(PIP_INSTALL) -r requirements-dev.lock
 	@touch $@
 
-# New versions into the locks; run by hand, commit the result.
-LOCK := $(BIN)/pip-compile --quiet --generate-hashes --allow-unsafe --strip-extras --no-header \
-	--no-emit-index-url --no-emit-trusted-host --no-emit-find-links
+# Locks anew, and what the index says of each file in them; by hand, commit the result. Pins stay unless ARGS=--upgrade.
+# One lock serves Python 3.11.0 to 3.14, x86-64 and aarch64; tests/test_locks.py holds it to that.
+LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+	--custom-compile-command "make lock" --group build pyproject.toml
 lock: $(VENV)/.installed-dev
-	$(LOCK) --extra dev -o requirements-dev.lock pyproject.toml
-	$(LOCK) -c requirements-dev.lock -o requirements.lock pyproject.toml
+	$(LOCK) $(ARGS) --extra dev -o requirements-dev.lock
+	$(LOCK) $(ARGS) --extra review -c requirements-dev.lock -o requirements.lock
+	$(BIN)/python -m tests.support.lock_facts
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache

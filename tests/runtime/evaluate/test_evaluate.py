@@ -168,7 +168,7 @@ def test_a_trajectory_file_comes_back(tmp_path: Path) -> None:
 
 
 def test_evo_reads_the_trajectory_file(tmp_path: Path) -> None:
-    tools = pytest.importorskip("evo.tools.file_interface", reason="evo is in the extra `review`")
+    tools = pytest.importorskip("evo.tools.file_interface", reason="evo is in the extra `dev`")
     (tmp_path / "a.tum").write_text(tum_text(path()))
     again = tools.read_tum_trajectory_file(str(tmp_path / "a.tum"))
     np.testing.assert_allclose(again.positions_xyz[:, :2], path()[:, 1:3], atol=1e-8)
