@@ -64,7 +64,7 @@ $(VENV)/.installed: requirements.lock pyproject.toml | $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/.installed-dev: requirements-dev.lock $(VENV)/.installed
-	@$(PIP_INSTALL) -r requirements-dev.lock
+	@$(PIP_INSTALL) --no-build-isolation --use-pep517 -r requirements-dev.lock
 	@touch $@
 
 # Locks anew, and what the index says of each file in them; by hand, commit the result. Pins stay unless ARGS=--upgrade.
