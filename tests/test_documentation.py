@@ -49,7 +49,8 @@ class Block:
 
 
 def written_pages() -> list[Path]:
-    return [ROOT / "README.md", *sorted(p for p in DOCS.rglob("*.md") if not {"reference", "_build"} & set(p.parts))]
+    of_the_root = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")]
+    return [*of_the_root, *sorted(p for p in DOCS.rglob("*.md") if not {"reference", "_build"} & set(p.parts))]
 
 
 def blocks() -> Iterator[Block]:
@@ -145,6 +146,13 @@ def test_a_command_that_a_page_shows_exists_with_these_options(page: str, line: 
         assert words[0] in command.commands, f"{page}: {line}"
         command = command.commands[words.pop(0)]
     command.make_context(command.name, words)
+
+
+def test_a_make_target_that_a_page_shows_exists() -> None:
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    for path in (*written_pages(), ROOT / ".pre-commit-config.yaml"):
+        shown = re.findall(r"(?:`|^ {4}|entry: )make ([a-z]+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+        assert set(shown) <= targets, path.name
 
 
 def test_a_block_that_is_not_run_says_why() -> None:
