@@ -4,17 +4,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
+from runtime.errors import UsageError
 from runtime.studies.files import Row
 from runtime.studies.paper.drives.recorded_drive import VICTORIA
 from runtime.studies.paper.study import OUTDOOR, PRINTED, VICTORIA_PARTICLES, Cell, Outcomes
+
+try:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+except ModuleNotFoundError as error:
+    raise UsageError("the pictures need the extra: pip install 'infant[review]'") from error
 
 COLOURS = {"truth": "black", "particles": "tab:blue", "published": "tab:red", "odometry": "tab:gray"}
 NAMES = {"normal": "normal estimation", "proposed": "proposed, unscented", "ekf": "proposed, EKF (FastSLAM 2.0)"}
