@@ -92,7 +92,7 @@ class ReviewProcess:
             self._trouble = "review.rrd was not finished in time; infant review makes it again"
             self._child.kill()
             self._child.wait()
-            self._thread.join(WRITE_S)
+        self._thread.join(WRITE_S)  # it ends with the child, and may have read the child's last words
         self._errors.close()
         if self._child.stdout is not None:
             self._child.stdout.close()

@@ -143,9 +143,15 @@ def reconnect(times: int) -> tuple[list[int], list[int]]:
     return descriptors, pages
 
 
+def assert_flat(descriptors: list[int]) -> None:
+    """No more at the end than at the beginning; a sample taken during a cut lacks both ends of the connection."""
+    half = len(descriptors) // 2
+    assert max(descriptors[half:]) <= max(descriptors[:half]) + 1
+
+
 def test_reconnects_leak_no_descriptor_and_no_thread() -> None:
     descriptors, _ = reconnect(8)
-    assert max(descriptors) - min(descriptors) <= 1
+    assert_flat(descriptors)
 
 
 @pytest.mark.soak
@@ -153,5 +159,5 @@ def test_reconnects_leak_no_descriptor_and_no_thread() -> None:
 def test_a_thousand_reconnects_leak_nothing() -> None:
     descriptors, pages = reconnect(1000)
     sys.stdout.write(f"\n{descriptors=} {pages=}\n")
-    assert max(descriptors) - min(descriptors) <= 1
+    assert_flat(descriptors)
     assert pages[-1] - pages[3] < 256  # 1 MB over 700 reconnects
