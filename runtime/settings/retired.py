@@ -67,6 +67,10 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
         "slam.front_end.alignment.least_share": (0.3, "LEAST_SHARE"),
         "slam.front_end.alignment.widest_square": (30.0, "WIDEST_SQUARE"),
     },
+    "slam/front_end/alignment_kernels.py": {
+        "slam.front_end.alignment.sigma_m": (0.03, "SIGMA_M"),
+        "slam.front_end.alignment.correlated_beams": (2.0, "CORRELATED_BEAMS"),
+    },
     "slam/front_end/alignment_search.py": {
         "slam.front_end.alignment.gate_first_m": (1.0, "GATE_FIRST_M"),
         "slam.front_end.alignment.gate_last_m": (0.15, "GATE_LAST_M"),
@@ -74,8 +78,6 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
         "slam.front_end.alignment.narrowing_steps": (6, "NARROWING_STEPS"),
         "slam.front_end.alignment.final_steps": (10, "FINAL_STEPS"),
         "slam.front_end.alignment.coarse_points": (60, "COARSE_POINTS"),
-        "slam.front_end.alignment.sigma_m": (0.03, "SIGMA_M"),
-        "slam.front_end.alignment.correlated_beams": (2.0, "CORRELATED_BEAMS"),
     },
     "slam/front_end/corners.py": {
         "slam.front_end.line_split_m": (0.08, "LINE_SPLIT_M"),
