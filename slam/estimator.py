@@ -15,13 +15,13 @@ from slam.front_end.deskew import Twist, with_motion_noise
 from slam.front_end.front_ends import make_front_end
 from slam.joint.evidence import Confidence
 from slam.joint.gaussian import JointGaussian
-from slam.observations import usable_rows, verdicts_of_all
+from slam.observations import NO_FEATURES, usable_rows, verdicts_of_all
 from slam.odometry.odometry import Increment, Odometry
 from slam.particles.fastslam import FastSlam, ScanOutcome
 from slam.pose import Pose2
 from slam.quality import QualityMonitor
 from slam.settings.slam import SlamSettings
-from slam.visibility import sight_line
+from slam.visibility import BLIND, sight_line
 from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, warm_up_window
 
 MAP_EVERY = 10  # scans: once a second, as often as the map is published
@@ -74,8 +74,35 @@ class Estimator:
         self._odometry.add(wheels)
         if scan is None or not self._is_new(scan):
             return self._prediction(stamp_ns)
+        increment = self._odometry.take_until(scan.stamp_ns)
+        if self._scan_ns is None:
+            increment = replace(increment, covariance=np.zeros((3, 3)))  # the map begins here, wherever that is
         self._scan_ns = scan.stamp_ns
-        increment = self._alignment.refine(scan, self._odometry.take_until(scan.stamp_ns))
+        moved = (self._particles.scans, self._joint.scans)
+        try:
+            return self._scan_step(stamp_ns, scan, increment)
+        except Exception:
+            self._keep_motion(increment, *moved)
+            raise
+
+    def state_hash(self) -> bytes:
+        """16 bytes over everything that the next step depends on; two runs agree in it only if they agree in all."""
+        return self._hash
+
+    @classmethod
+    def warm_up(cls, settings: SlamSettings | None = None) -> None:
+        """Compile every kernel, or load it from the cache, so that the first tick is as quick as the others."""
+        for front_end in ("given", "robust"):
+            short = warm_up_settings(settings or SlamSettings(), front_end)
+            estimator = cls(short, 0)
+            for stamp_ns, scan, wheels in chain(warm_up_drive(short), warm_up_gap(short)):
+                estimator.step(stamp_ns, scan, wheels)
+            estimator.step(stamp_ns + TICK_NS, None, ())
+        warm_up_window(JointGaussian(short.joint, short.mount.as_pose(), short.tuning()))
+
+    def _scan_step(self, stamp_ns: int, scan: ScanLike, by_wheels: Increment) -> Estimate:
+        """The step of the paper, one stage after the other."""
+        increment = self._alignment.refine(scan, by_wheels)
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
         predicted = self._joint.map_from_body @ increment.as_pose()
         self._mark("odometry")
@@ -112,20 +139,16 @@ class Estimator:
             counts=prediction.counts | self._scan_counts(increment, matches, outcome) | self._quality.figures,
         )
 
-    def state_hash(self) -> bytes:
-        """16 bytes over everything that the next step depends on; two runs agree in it only if they agree in all."""
-        return self._hash
+    def _keep_motion(self, increment: Increment, particle_scans: int, joint_scans: int) -> None:
+        """A step has failed: its scan is lost, but not the motion that the wheels measured.
 
-    @classmethod
-    def warm_up(cls, settings: SlamSettings | None = None) -> None:
-        """Compile every kernel, or load it from the cache, so that the first tick is as quick as the others."""
-        for front_end in ("given", "robust"):
-            short = warm_up_settings(settings or SlamSettings(), front_end)
-            estimator = cls(short, 0)
-            for stamp_ns, scan, wheels in chain(warm_up_drive(short), warm_up_gap(short)):
-                estimator.step(stamp_ns, scan, wheels)
-            estimator.step(stamp_ns + TICK_NS, None, ())
-        warm_up_window(JointGaussian(short.joint, short.mount.as_pose(), short.tuning()))
+        The filters that had not taken it yet, by their number of scans before, take it with nothing in sight.
+        """
+        if self._particles.scans == particle_scans:
+            self._particles.step(increment, NO_FEATURES, BLIND)
+        if self._joint.scans == joint_scans:
+            blind = Confidence(self._quality.settled_before, lost=True)
+            self._joint.step(increment.mean, increment.covariance, NO_FEATURES, NO_FEATURES.identities, BLIND, blind)
 
     def _is_new(self, scan: ScanLike) -> bool:
         """False for a scan whose time stands still or runs backwards: ignored and counted."""

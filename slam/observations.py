@@ -90,6 +90,14 @@ class FeatureRows(NamedTuple):
     order: IntArray
 
 
+_NONE, _NO_NUMBERS = np.zeros(0), np.zeros(0, dtype=np.int64)
+NO_FEATURES = FeatureRows(
+    *(_NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE),
+    np.zeros(0, dtype=np.bool_),
+    *(_NO_NUMBERS, _NO_NUMBERS, _NO_NUMBERS),
+)
+
+
 def usable_rows(features: Features, range_max_m: float, mount_yaw_rad: float) -> FeatureRows:
     """Features that are finite, within range, and have a positive definite covariance.
 

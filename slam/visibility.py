@@ -26,6 +26,8 @@ class SightLine(NamedTuple):
 
 
 NO_SIGHT = SightLine(0.0, 0.0, 0.0, np.zeros(0))
+BLIND = SightLine(-math.pi, 0.5 * math.pi, 0.0, np.zeros(5))
+"""A scan that looked nowhere: no landmark is missed in it."""
 
 
 @leaf

@@ -26,6 +26,7 @@ from runtime.settings.record import RecordSettings
 from runtime.settings.retired import refusals, translated
 from runtime.settings.review import ReviewSettings
 from runtime.source_tree import CONFIG
+from slam.settings.odometry import POSE_NOISE
 from slam.settings.slam import SlamSettings
 
 Tree = dict[str, Any]
@@ -55,6 +56,10 @@ class Configuration(BaseModel):
         vehicle = self.vehicle
         geometry = {name: getattr(vehicle, name) for name in SHARED}
         geometry |= {"model": vehicle.motion_model, "jump_speed_mps": vehicle.jump_speed_mps}
+        if vehicle.motion_model == "pose":
+            geometry |= {
+                key: wide for key, wide in POSE_NOISE.items() if key not in self.slam.odometry.model_fields_set
+            }
         odometry = self.slam.odometry.model_copy(update=geometry)
         object.__setattr__(self, "slam", self.slam.model_copy(update={"odometry": odometry}))
         if self.encoders is not None:

@@ -17,6 +17,7 @@ from slam.front_end.alignment_search import Search
 from slam.front_end.deskew import Beams, Twist, deskew
 from slam.front_end.differencing import LEAST_SUPPORT, OLDEST_S
 from slam.odometry.odometry import Increment
+from slam.odometry.trust import WheelTrust
 from slam.pose import Pose2, wrap_rad
 from slam.settings.front_end import FrontEndSettings
 
@@ -26,6 +27,8 @@ WHEELS_SIGMA_M = 0.02  # m; over seconds the wheels and the laser's mount are no
 WHEELS_SIGMA_RAD = 0.01  # rad; the same for turns
 LEAST_POINTS = 25  # with fewer points on surfaces nothing is refined
 LEAST_SHARE = 0.3  # nor with a smaller share of the points that came back
+NEED_M = 0.15  # half the width of a door post: what the wheels may be off by before features are matched wrongly
+NEED_RANGE_M = 10.0  # at this distance: what a wrong heading moves
 WIDEST_SQUARE = 30.0  # nor where the result contradicts the wheels by this squared distance
 
 
@@ -41,7 +44,8 @@ class SeenFrom:
 
 
 class Alignment:
-    """Remembers the last scans; refines an increment where too few of them are young enough to vote on the new one.
+    """Remembers the last scans; refines an increment where the wheels alone could not tell which feature is which, and
+    where too few of the scans are young enough to vote on the new one.
 
     refined: how many increments it has refined.
     """
@@ -51,10 +55,11 @@ class Alignment:
         self._body_from_laser = body_from_laser
         self._past: deque[SeenFrom] = deque(maxlen=max(1 + PAST_SCANS * (PAST_SCANS - 1) // 2, LEAST_SUPPORT))
         self._path_from_body = Pose2()
+        self._trust = WheelTrust()
         self.refined = 0
 
     def refine(self, scan: ScanLike, increment: Increment) -> Increment:
-        """The increment up to this scan, better known where scans are sparse, as it is elsewhere.
+        """The increment up to this scan, better known where that is needed, as it is elsewhere.
 
         Shown every scan once and in order. Raises ValueError when the bearings of a sparse scan do not increase.
         """
@@ -62,7 +67,7 @@ class Alignment:
             return increment
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
         now = SeenFrom(scan, twist, Pose2())
-        if not increment.at_rest and self._past and self._sparse(scan.stamp_ns):
+        if not increment.at_rest and self._past and (self._sparse(scan.stamp_ns) or self._is_needed(increment)):
             increment = self._aligned(now, increment)
         self._path_from_body = now.path_from_body = self._path_from_body @ increment.as_pose()
         self._past.append(now)
@@ -74,11 +79,19 @@ class Alignment:
         needed = list(self._past)[-LEAST_SUPPORT:]
         return any(stamp_ns - past.scan.stamp_ns > oldest_ns for past in needed)
 
+    def _is_needed(self, increment: Increment) -> bool:
+        """True where the wheels could move what is matched by more than things lie apart."""
+        variances = np.diag(self._trust.scaled(increment.covariance))
+        off_m = math.sqrt(variances[0] + variances[1]) + NEED_RANGE_M * math.sqrt(variances[2])
+        return off_m > NEED_M
+
     def _aligned(self, now: SeenFrom, increment: Increment) -> Increment:
         """The increment that lays the scan onto those before it; as it was where that cannot be told."""
         prior = increment.mean
         floor = np.array((WHEELS_SIGMA_M, WHEELS_SIGMA_M, WHEELS_SIGMA_RAD)) ** 2
-        covariance = increment.covariance + np.diag(floor)
+        covariance = self._trust.scaled(increment.covariance + np.diag(floor))
+        if not self._trust.is_as_claimed:
+            increment = replace(increment, covariance=self._trust.scaled(increment.covariance))
         past = [seen for seen in self._references() if same_directions(seen.scan, now.scan)]
         beams = self._beams(now)
         returned = np.flatnonzero(~np.isnan(beams.ranges_m))
@@ -100,11 +113,13 @@ class Alignment:
         off = motion - prior
         if count < max(LEAST_POINTS, LEAST_SHARE * len(points)):
             return increment
-        if not off @ np.linalg.solve(covariance, off) <= WIDEST_SQUARE:  # also where it is NaN
+        refined: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
+        is_outlier = not off @ np.linalg.solve(covariance, off) <= WIDEST_SQUARE  # also where it is NaN
+        self._trust.compare(off, covariance, refined)
+        if is_outlier:
             return increment
         self.refined += 1
         motion[2] = wrap_rad(float(motion[2]))
-        refined = np.linalg.inv(information)
         return replace(increment, mean=motion, covariance=0.5 * (refined + refined.T))
 
     def _references(self) -> list[SeenFrom]:

@@ -108,6 +108,8 @@ class Segmenter:
             return fresh, False, 0
         silence = (stamp_ns - cursor.measured.stamp_ns) * NANOSECOND_S
         gap = silence if cursor.lost or silence > self._settings.gap_s else 0.0
+        if isinstance(sample, OdometryPose):
+            gap = 0.0  # the base adds up its own motion, whether anybody listens or not
         if not self._integrated:
             held = min(duration, max(0.0, self._settings.gap_s - silence + duration))
             rows.append(self._held(cursor.sample, held))

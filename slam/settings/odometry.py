@@ -4,6 +4,14 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+POSE_NOISE = {
+    "slip_m_per_sqrt_m": 0.05,
+    "lateral_m_per_sqrt_m": 0.02,
+    "heading_rad_per_sqrt_m": 0.03,
+    "heading_rad_per_sqrt_rad": 0.1,
+}
+"""Where the base hands out poses and nobody says how good they are: as wide as in most of the public logs."""
+
 
 class OdometrySettings(BaseModel):
     """How far the motion that the wheels tell can be trusted.

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.measurements import FloatArray, Scan, Sightings, SpeedYawRate, WheelSample, uniform_bearings
+from drivers.measurements import FloatArray, Scan, Sightings, SpeedYawRate, WheelCounts, WheelSample, uniform_bearings
 from slam.estimate import Estimate, Quality
 from slam.estimator import Estimator, compound
 from slam.odometry.odometry import Increment
@@ -217,3 +217,39 @@ def test_a_scan_as_sight_line_keeps_its_ranges_and_where_beams_point() -> None:
     line = sight_line(Scan(0, ranges, uniform_bearings(-0.5, 0.5, 3), range_max_m=25.0))
     assert line[:3] == (-0.5, 0.5, 25.0)
     np.testing.assert_array_equal(line.ranges_m, ranges)
+
+
+def test_the_first_scan_begins_the_map_whatever_came_before_it() -> None:
+    """Wheels that were not valid before the first scan leave no doubt on a pose that defines the map."""
+    estimator = Estimator(SlamSettings(particles=3), 1)
+    second = 10**9
+    for step in range(20):
+        estimator.step(step * second // 10, None, (WheelCounts(step * second // 10, 0.0, 0.0, valid=step != 5),))
+    scan = Scan(2 * second, np.full(361, 5.0, np.float32), uniform_bearings(-1.57, 3.14 / 360, 361), 0.0)
+    estimate = estimator.step(2 * second, scan, (WheelCounts(2 * second, 0.0, 0.0),))
+    assert np.sqrt(np.diag(estimate.covariance)).max() < 1e-5
+
+
+def test_a_step_that_fails_loses_its_scan_but_not_the_motion_of_the_wheels() -> None:
+    """Beams that turn the wrong way make the front end raise; the rover has moved all the same."""
+    estimator = Estimator(SlamSettings(particles=3), 1)
+    bearings = uniform_bearings(-1.57, 3.14 / 360, 361)
+    counts_per_m = 4096.0 / (2.0 * np.pi * 0.125)
+    ranges = np.where(np.abs(np.abs(bearings) - 0.5) < 0.02, 5.0, 12.0).astype(np.float32)
+    failed, before_m = 0, 0.0
+    for step in range(40):
+        stamp_ns, moved_m = step * 10**8, 0.05 * max(step - 20, 0)
+        scan = Scan(stamp_ns, ranges, bearings, 0.0)
+        if step >= 30:
+            scan = Scan(stamp_ns, ranges, bearings[::-1].copy(), 0.0)
+        wheels = (WheelCounts(stamp_ns, counts_per_m * moved_m, counts_per_m * moved_m),)
+        try:
+            estimate = estimator.step(stamp_ns, scan, wheels)
+        except ValueError:
+            failed += 1
+            estimate = estimator.step(stamp_ns, None, ())
+        if step == 29:
+            before_m = estimate.map_from_body.x_m
+    assert failed == 10
+    assert estimate.map_from_body.x_m - before_m == pytest.approx(0.5, abs=0.02)
+    assert estimate.covariance[0, 0] > 0.0
