@@ -48,7 +48,7 @@ class People:
         distance = np.maximum(np.hypot(from_rover[..., 0], from_rover[..., 1]), 1e-6)
         centre = centre + from_rover * (np.maximum(KEEP_CLEAR_M - distance, 0.0) / distance)[..., None]
         swing = HALF_STRIDE_M * np.sin(2.0 * np.pi * STEP_HZ / 1.1 * walked) * self._legged
-        aside = np.stack((-ahead[..., 1], ahead[..., 0]), axis=-1) * (0.1 * self._legged)[:, None]
+        aside = _left_of(ahead) * (0.1 * self._legged)[:, None]
         leg = ahead * swing[..., None] + aside
         return np.concatenate((centre + leg, centre - leg), axis=1)
 
@@ -66,9 +66,36 @@ class People:
         along = self._number % 3 == 0
         if np.any(along):
             arc = self._phase[along] * self._course.length_m + np.sign(self._side_m[along]) * walked[:, along]
-            heading = self._course.heading_rad(arc)
-            direction = np.stack((np.cos(heading), np.sin(heading)), axis=-1)
-            left = np.stack((-direction[..., 1], direction[..., 0]), axis=-1)
-            ahead[:, along] = direction
-            centre[:, along] = self._course.points_m(arc) + left * self._side_m[along][:, None]
+            ahead[:, along] = self._ahead_at(arc)
+            centre[:, along] = self._course.points_m(arc) + _left_of(ahead[:, along]) * self._side_m[along][:, None]
         return centre, ahead, walked
+
+    def _ahead_at(self, arc_m: FloatArray) -> FloatArray:
+        heading = self._course.heading_rad(arc_m)
+        return np.stack((np.cos(heading), np.sin(heading)), axis=-1)
+
+
+class CorridorPeople(People):
+    """All walk along the course, to and fro between two places, and stand for a while before they turn round."""
+
+    def __init__(self, count: int, course: Course, beside_m: tuple[float, float], rng: np.random.Generator) -> None:
+        """beside_m: least and greatest distance from the course, which must leave the walls alone."""
+        low_m, high_m = np.full(2, -np.inf), np.full(2, np.inf)
+        super().__init__(count, course, low_m, high_m, rng)
+        self._side_m = rng.choice((-1.0, 1.0), count) * rng.uniform(*beside_m, count)
+        self._begin_m = rng.uniform(0.0, course.length_m, count)
+        self._reach_m = rng.uniform(10.0, 40.0, count)
+
+    def _walks(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        one_way_s = self._reach_m / self._speed_mps
+        turn_s = one_way_s + self._stand_s
+        turns, into_s = np.divmod(time_s + 2.0 * self._phase * turn_s, turn_s)
+        there = self._speed_mps * np.minimum(into_s, one_way_s)
+        back = np.mod(turns, 2.0) == 1.0
+        ahead = self._ahead_at(arc := self._begin_m + np.where(back, self._reach_m - there, there))
+        centre = self._course.points_m(arc) + _left_of(ahead) * self._side_m[:, None]
+        return centre, np.where(back[..., None], -ahead, ahead), there
+
+
+def _left_of(ahead: FloatArray) -> FloatArray:
+    return np.stack((-ahead[..., 1], ahead[..., 0]), axis=-1)

@@ -12,13 +12,13 @@ from drivers.measurements import FloatArray, IntArray
 from drivers.settings.simulated_world import WorldSettings
 from drivers.simulated.world.park import Park, plant
 from drivers.simulated.world.people import People
-from drivers.simulated.world.ray_casting import circle_hits, pairs_in_view, wall_hits
+from drivers.simulated.world.ray_casting import beams, circles_met, wall_hits
 from drivers.simulated.world.rover_path import RoverPath
+from drivers.simulated.world.sweep_errors import as_measured
 
 NANOSECOND_S = 1e-9
 BUSH_DEPTH_M = 0.08
 BUSH_GAP_SHARE = 0.15
-MIXED_JUMP_M = 0.3
 
 
 class Surface(IntEnum):
@@ -30,6 +30,8 @@ class Surface(IntEnum):
     BUSH = 3
     WALL = 4
     PERSON = 5
+    DOOR = 6
+    GLASS = 7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,21 +104,13 @@ class World:
         rng = np.random.default_rng([self.settings.seed, 1, abs(t_ns)])
         time_s: FloatArray = t_ns * NANOSECOND_S + self._delays_s
         body_m, heading = self._path.poses(time_s)
-        mount_x, mount_y, mount_heading = laser.body_from_laser
-        cosine, sine = np.cos(heading), np.sin(heading)
-        lever = np.stack((cosine * mount_x - sine * mount_y, sine * mount_x + cosine * mount_y), axis=-1)
-        origins = body_m + lever
-        bearing: FloatArray = heading + mount_heading + self._bearings_rad
-        directions = np.stack((np.cos(bearing), np.sin(bearing)), axis=-1)
+        origins, directions = beams(body_m, heading, laser.body_from_laser, self._bearings_rad)
         ranges, surfaces, landmarks = self._cast(time_s, body_m, origins, directions, rng)
-        hit = np.isfinite(ranges)
-        ranges = _mixed(ranges, rng, laser.mixed_share)
-        ranges = ranges + laser.sigma_range_m * rng.standard_normal(ranges.shape)
-        lost = (rng.random(ranges.shape) < laser.drop_out_share) | (ranges > laser.range_max_m) | ~hit
-        ranges[lost] = np.inf
+        ranges = as_measured(ranges, laser, rng)
+        lost = np.isinf(ranges)
         surfaces[lost] = Surface.NOTHING
         landmarks[lost] = -1
-        return LabelledSweep(np.maximum(ranges, 0.02), surfaces, landmarks)
+        return LabelledSweep(ranges, surfaces, landmarks)
 
     def _cast(
         self,
@@ -129,14 +123,14 @@ class World:
         count = time_s.size
         walkers_m = self._people.circles_m(time_s[[0, -1]], body_m[[0, -1]])
         fixed_m = self._fixed_m
-        fixed, chords, rays, circles = _meet(origins, directions, fixed_m, fixed_m, self._fixed_radii_m)
+        fixed, chords, rays, circles = circles_met(origins, directions, fixed_m, fixed_m, self._fixed_radii_m)
         depth: FloatArray = rng.exponential(BUSH_DEPTH_M, size=(count,))
         depth[rng.random(count) < BUSH_GAP_SHARE] = np.inf
         leaves = self._fixed_surfaces[circles] == Surface.BUSH
         through = depth[rays[leaves]]
         fixed[leaves] += np.where(np.isinf(through), np.inf, np.minimum(through, chords[leaves]))
         from_m, to_m = walkers_m
-        people, _, people_rays, _ = _meet(origins, directions, from_m, to_m, self._people.radii_m)
+        people, _, people_rays, _ = circles_met(origins, directions, from_m, to_m, self._people.radii_m)
         walls = wall_hits(origins, directions, self._park.wall_starts_m, self._park.wall_ends_m)
         wall_rays = np.repeat(np.arange(count), walls.shape[1])
 
@@ -161,31 +155,6 @@ class World:
         return ranges, surfaces, landmarks
 
 
-def _meet(
-    origins: FloatArray,
-    directions: FloatArray,
-    from_m: FloatArray,
-    to_m: FloatArray,
-    radii_m: FloatArray,
-) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
-    """Entry distances, chords, rays and circles of all pairs that can meet, circles moving from_m to_m (c, 2)."""
-    middle, count = origins.shape[0] // 2, origins.shape[0]
-    # Everything the laser and the circle do within the sweep counts as more width of the circle.
-    offset = 0.5 * (from_m + to_m) - origins[middle]
-    travel = np.hypot(*(origins[-1] - origins[0])) + np.hypot(*(to_m - from_m).T)
-    distance = np.maximum(np.hypot(offset[:, 0], offset[:, 1]), 1e-6)
-    bearing = np.unwrap(np.arctan2(directions[:, 1], directions[:, 0]))
-    even = np.linspace(bearing[0], bearing[-1], count)
-    half_width = np.arcsin(np.minimum((radii_m + travel) / distance, 1.0))
-    half_width[radii_m + travel >= distance] = np.pi
-    half_width = half_width + np.abs(even - bearing).max() + 0.01
-    rays, circles = pairs_in_view(even, np.arctan2(offset[:, 1], offset[:, 0]), half_width)
-    part = (rays / max(count - 1, 1))[:, None]
-    centres_m = from_m[circles] + part * (to_m[circles] - from_m[circles])
-    entry, chord = circle_hits(origins[rays], directions[rays], centres_m, radii_m[circles])
-    return entry, chord, rays, circles
-
-
 def _fixed_circles(park: Park) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
     landmarks, blobs = park.radii_m.size, park.blob_radii_m.size
     surfaces = np.full(landmarks + blobs, int(Surface.BUSH))
@@ -198,15 +167,3 @@ def _fixed_circles(park: Park) -> tuple[FloatArray, FloatArray, IntArray, IntArr
         surfaces,
         numbers,
     )
-
-
-def _mixed(ranges: FloatArray, rng: np.random.Generator, share: float) -> FloatArray:
-    """The laser's spot is wider than a ray: on the edge of a thing it falls on what is behind as well."""
-    mixed = ranges.copy()
-    draws, parts = rng.random(ranges.shape), rng.random(ranges.shape)
-    for neighbour in (np.roll(ranges, 1), np.roll(ranges, -1)):
-        with np.errstate(invalid="ignore"):
-            edge = np.isfinite(neighbour) & (neighbour - ranges > MIXED_JUMP_M) & (draws < share)
-        mixed[edge] = ranges[edge] + parts[edge] * (neighbour[edge] - ranges[edge])
-    mixed[0], mixed[-1] = ranges[0], ranges[-1]
-    return mixed
