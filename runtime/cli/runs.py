@@ -70,10 +70,12 @@ def import_(
 
 def evaluate(
     run: Run,
-    truth: Annotated[Path | None, typer.Option("--truth", help="TUM file; default: what the run holds")] = None,
+    truth: Annotated[
+        Path | None, typer.Option("--truth", help="TUM file, run's time or UTC; default: the run's own")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare the poses of a run with the truth that it has, and write trajectory.tum for evo."""
+    """Compare a run with the truth that it has; write trajectory.tum, odometry.tum and truth.tum for evo."""
     from runtime.evaluate import evaluate as evaluation
 
     with busy("evaluate"):

@@ -4,11 +4,13 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
 from runtime.errors import ConfigurationError
 from slam.pose import rotated, wrap_rads
+
+LONGEST_GAP_S = 10.0  # between two rows farther apart anything may have happened: a part of the record is gone
+ROUNDING_S = 1e-6  # a float of seconds since 1970 is that coarse
 
 
 def tum_text(trajectory: FloatArray) -> str:
@@ -42,26 +44,18 @@ def read_tum(path: Path) -> FloatArray:
 
 
 def poses_at(trajectory: FloatArray, times_s: FloatArray) -> FloatArray:
-    """Poses (n, 3) of a trajectory (k, 4) at times (n,), linear between its rows; NaN outside of it."""
-    outside = (times_s < trajectory[0, 0]) | (times_s > trajectory[-1, 0])
-    poses = np.column_stack(
-        [
-            np.interp(times_s, trajectory[:, 0], trajectory[:, 1]),
-            np.interp(times_s, trajectory[:, 0], trajectory[:, 2]),
-            wrap_rads(np.interp(times_s, trajectory[:, 0], np.unwrap(trajectory[:, 3]))),
-        ]
-    )
-    poses[outside] = np.nan
-    return poses
-
-
-def nearest_rows(trajectory: FloatArray, times_s: FloatArray, within_s: float) -> NDArray[np.int64]:
-    """Index (n,) of the row nearest in time, -1 where none lies within."""
+    """Poses (n, 3) of a trajectory (k, 4) at times (n,), linear between its rows; NaN outside of it and in its gaps."""
     times = trajectory[:, 0]
-    after = np.clip(np.searchsorted(times, times_s), 1, len(times) - 1)
-    nearest = np.where(times_s - times[after - 1] <= times[after] - times_s, after - 1, after)
-    close: NDArray[np.int64] = np.where(np.abs(times[nearest] - times_s) <= within_s, nearest, -1)
-    return close
+    after = np.clip(np.searchsorted(times, times_s), 1, max(1, len(times) - 1))
+    inside = (times_s >= times[0] - ROUNDING_S) & (times_s <= times[-1] + ROUNDING_S)
+    if len(times) > 1:
+        on_a_row = (times[after] == times_s) | (times[after - 1] == times_s)
+        inside &= on_a_row | (times[after] - times[after - 1] <= LONGEST_GAP_S)
+    columns = (trajectory[:, 1], trajectory[:, 2], np.unwrap(trajectory[:, 3]))
+    poses = np.column_stack([np.interp(times_s, times, column) for column in columns])
+    poses[:, 2] = wrap_rads(poses[:, 2])
+    poses[~inside] = np.nan
+    return poses
 
 
 def relative_poses(first: FloatArray, second: FloatArray) -> FloatArray:

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray
+from slam.pose import composed, inverted, wrap_rads
 
 ATTACHMENT = "truth.npz"
+Mount = tuple[float, float, float]
+NO_OFFSET = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -17,7 +20,8 @@ class DataSetTruth:
 
     fixes (n, 3): t, x m, y m of the good GPS fixes. poses (n, 4): t, x m, y m, heading rad.
     pose_kind: what the poses are, in words. relations (n, 5): t1, t2 and the pose at t2 in the frame of that at t1.
-    landmarks (n, 3): identity, x m, y m.
+    landmarks (n, 3): identity, x m, y m. of_body: the poses are those of the body; else of the laser, as fixes and
+    relations always are.
     """
 
     fixes: FloatArray | None = None
@@ -25,6 +29,21 @@ class DataSetTruth:
     pose_kind: str = ""
     relations: FloatArray | None = None
     landmarks: FloatArray | None = None
+    of_body: bool = False
+
+    def point(self, body_from_laser: Mount) -> Mount:
+        """Which point of the body the places are of."""
+        return NO_OFFSET if self.fixes is None and self.of_body else body_from_laser
+
+    def places_of_body(self, body_from_laser: Mount) -> FloatArray | None:
+        """Rows (n, 4) of t s, x m, y m, heading rad of the body; None without places.
+
+        Fixes tell no heading: theirs are 0, and the places remain those of the antenna.
+        """
+        if self.poses is None or self.fixes is not None:
+            return None if self.fixes is None else np.column_stack((self.fixes, np.zeros(len(self.fixes))))
+        body = composed(self.poses[:, 1:], inverted(np.array(self.point(body_from_laser))))
+        return np.column_stack((self.poses[:, 0], body[:, :2], wrap_rads(body[:, 2])))
 
     def attachment(self) -> bytes:
         """As bytes; `from_attachment` gives it back."""
@@ -34,7 +53,7 @@ class DataSetTruth:
             if (array := getattr(self, name)) is not None
         }
         stream = io.BytesIO()
-        np.savez_compressed(stream, pose_kind=np.array(self.pose_kind), **arrays)
+        np.savez_compressed(stream, pose_kind=np.array(self.pose_kind), of_body=np.array(self.of_body), **arrays)
         return stream.getvalue()
 
     @classmethod
@@ -45,4 +64,5 @@ class DataSetTruth:
             return None
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
-        return cls(pose_kind=str(arrays.pop("pose_kind")), **arrays)
+        of_body = bool(arrays.pop("of_body", False))
+        return cls(pose_kind=str(arrays.pop("pose_kind")), of_body=of_body, **arrays)

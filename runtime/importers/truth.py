@@ -24,4 +24,5 @@ def truth_of(archive: Archive) -> DataSetTruth | None:
         landmarks = np.column_stack((archive["landmark_id"].astype(np.float64), archive["landmarks"]))
     if all(part is None for part in (fixes, poses, relations, landmarks)):
         return None
-    return DataSetTruth(fixes, poses, str(archive.meta.get("gt_kind", "")), relations, landmarks)
+    kind = str(archive.meta.get("gt_kind", ""))
+    return DataSetTruth(fixes, poses, kind, relations, landmarks, of_body="robot centre" in kind.lower())

@@ -119,10 +119,9 @@ class RunFolder:
         """What the command line printed."""
         return self.path / "summary.json"
 
-    @property
-    def trajectory_path(self) -> Path:
-        """The estimated trajectory in TUM form, for evo."""
-        return self.path / "trajectory.tum"
+    def tum_path(self, name: str) -> Path:
+        """A path in TUM form, for evo: "trajectory" (the published pose), "odometry" or "truth"."""
+        return self.path / f"{name}.tum"
 
     @property
     def replays_path(self) -> Path:

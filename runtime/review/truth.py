@@ -42,8 +42,7 @@ def truth_track(run: RunReader) -> TruthTrack | None:
     except UsageError:
         return None  # no estimates: nothing to lay it on
     mount = load_configuration_text(run.header.configuration_text).slam.mount
-    # the antenna stands beside the laser
-    offset = (0.0, 0.0, 0.0) if held.fixes is None else (mount.x_m, mount.y_m, mount.yaw_rad)
+    offset = held.point((mount.x_m, mount.y_m, mount.yaw_rad))
     points_m = composed(poses_at(estimated, rows[:, 0]), np.array(offset))[:, :2]
     passed = np.isfinite(points_m[:, 0])
     if passed.sum() < LEAST_FIT_POINTS:

@@ -26,7 +26,14 @@ OUTDOOR_S = 60.0
 VICTORIA_PARTICLES = (10, 100)
 LEFT_OUT = 0.05
 NORMAL_SEEDS = 6  # minutes each: enough for its counts and times; its errors are those of the gated form, on all seeds
-JOB_SOURCES = ("slam", "drivers.simulated", "runtime.studies.paper.drives", "runtime.evaluate.errors")
+JOB_SOURCES = (
+    "slam",
+    "drivers.simulated",
+    "runtime.studies.paper.drives",
+    "runtime.evaluate.errors",
+    "runtime.evaluate.against_truth",
+    "runtime.evaluate.rows",
+)
 """What a finished job depends on besides the configurations: a change makes every job a new one."""
 
 

@@ -5,14 +5,13 @@ from typing import Any
 import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray
+from runtime.evaluate.against_truth import at_laser, relation_error
 from runtime.evaluate.errors import in_start_frame, position_error, rigid_fit, squared_pose_errors, trajectory_error
-from runtime.evaluate.evaluate import NO_OFFSET, against_relations, at_laser
 from runtime.evaluate.rows import poses_at
-from runtime.evaluate.truth import DataSetTruth
+from runtime.evaluate.truth import NO_OFFSET, DataSetTruth, Mount
 from runtime.studies.jobs import Result
 from slam.pose import composed
 
-Mount = tuple[float, float, float]
 SHOWN_EVERY = 10
 START_M = 100.0
 
@@ -33,9 +32,9 @@ def figures_against(
             figures = _poses(truth.poses, at_laser(path, body_from_laser))
             result |= {f"{name}_{figure}": value for figure, value in figures.items()}
         if truth.relations is not None:
-            relations = against_relations(at_laser(path, body_from_laser), truth.relations)
-            for figure in ("relation_translation_m", "relation_rotation_deg"):
-                result[f"{name}_{figure}"] = relations[figure]
+            relations, _ = relation_error(at_laser(path, body_from_laser), truth.relations)
+            result[f"{name}_relation_translation_m"] = None if relations is None else relations.translation_m
+            result[f"{name}_relation_rotation_deg"] = None if relations is None else relations.rotation_deg
     if truth.poses is not None and body_from_laser == NO_OFFSET:
         result["nees_median"] = _median_nees(truth.poses, paths["published"], covariances)
     return result
