@@ -38,6 +38,11 @@ def step_or_predict(estimator: Stepping, tick: Tick) -> tuple[Estimate, tuple[Ev
         return estimator.step(tick.stamp_ns, None, ()), (defect,)
 
 
+def defects_line(defects: int, ticks: int, reason: str) -> str:
+    """How many steps of a run raised, for a person."""
+    return f"DEFECT    {defects} of {ticks} steps raised and ended as predictions; the first: {reason}"
+
+
 def put_or_report(name: str, sink: Sink, completed: CompletedTick) -> tuple[Event, ...]:
     """Hand one tick to a sink; a sink that raises loses this tick and says so in the record of the next one."""
     try:

@@ -40,7 +40,7 @@ class CompletedTick:
     """One tick and what came of it.
 
     state_hash: of the filter after the tick; truth: the simulator's map_from_body at estimate.stamp_ns, None on a real
-    rover.
+    rover. defect: why the step raised and ended as a prediction, "" where it did not.
     """
 
     tick: Tick
@@ -48,6 +48,7 @@ class CompletedTick:
     timing: Timing
     state_hash: bytes
     truth: Pose2 | None
+    defect: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.progress import AsJson, busy, progress_bar
+from runtime.errors import InfantError
 
 
 class FailOn(StrEnum):
@@ -20,6 +21,9 @@ class FailOn(StrEnum):
 
 
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
+AllowDefects = Annotated[
+    bool, typer.Option("--allow-defects", help="do not end with code 70 where steps of the filter raised an error")
+]
 
 
 def replay(
@@ -33,6 +37,7 @@ def replay(
         list[str] | None,
         typer.Option("--without", metavar="TECHNIQUE", help="switches one off: difference, sparse, density, ..."),
     ] = None,
+    allow_defects: AllowDefects = False,
     as_json: AsJson = False,
 ) -> None:
     """Run the filter over a recorded run again, as fast as it can."""
@@ -40,8 +45,15 @@ def replay(
 
     result = replay_run(run, config, out, verify, replay_overrides(set_, without, seed), progress_bar("replay"))
     typer.echo(json.dumps(result) if as_json else "\n".join(replay_lines(result)))
+    _end_with_defects(result["defects"], allow_defects)
     if verify and not result["identical"]:
         sys.exit(1)
+
+
+def _end_with_defects(defects: int, allowed: bool) -> None:
+    """A run some of whose steps were none is not what it was asked for."""
+    if defects and not allowed:
+        sys.exit(InfantError.exit_code)
 
 
 def replay_overrides(set_: list[str] | None, without: list[str] | None, seed: int | None) -> dict[str, str]:
@@ -73,6 +85,7 @@ def evaluate(
     truth: Annotated[
         Path | None, typer.Option("--truth", help="TUM file, run's time or UTC; default: the run's own")
     ] = None,
+    allow_defects: AllowDefects = False,
     as_json: AsJson = False,
 ) -> None:
     """Compare a run with the truth that it has; write trajectory.tum, odometry.tum and truth.tum for evo."""
@@ -81,6 +94,7 @@ def evaluate(
     with busy("evaluate"):
         result = evaluation.evaluate(run, truth)
     typer.echo(json.dumps(result) if as_json else "\n".join(evaluation.evaluation_lines(result)))
+    _end_with_defects(result["defects"], allow_defects)
 
 
 def review(
@@ -88,6 +102,7 @@ def review(
     fail_on: Annotated[
         FailOn | None, typer.Option("--fail-on", help="exit code 1 where a finding is as grave as this, for CI")
     ] = None,
+    allow_defects: AllowDefects = False,
     as_json: AsJson = False,
 ) -> None:
     """Write report.html and report.json with findings, and make review.rrd again."""
@@ -102,6 +117,7 @@ def review(
     build_review(folder.path, folder.review_path, progress=progress_bar("draw"))
     report["review"] = str(folder.review_path)
     typer.echo(json.dumps(report) if as_json else "\n".join([*report_lines(report), f"review    {folder.review_path}"]))
+    _end_with_defects(report["defects"]["steps"], allow_defects)
     if fail_on is not None and is_as_grave(report, fail_on.value):
         sys.exit(1)
 

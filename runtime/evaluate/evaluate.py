@@ -11,6 +11,7 @@ from runtime.evaluate.against_truth import fitted_error, path_error
 from runtime.evaluate.errors import PositionError, position_error
 from runtime.evaluate.rows import poses_at, read_tum, tum_text
 from runtime.evaluate.truth import NO_OFFSET, DataSetTruth, Mount
+from runtime.fault_isolation import defects_line
 from runtime.record.reader import RunReader
 from runtime.record.trajectories import Trajectories, read_trajectories, with_estimates
 from runtime.settings.configuration import load_configuration_text
@@ -52,6 +53,8 @@ def evaluate(run: Path, truth: Path | None = None) -> dict[str, Any]:
         "run": str(run),
         "estimates": str(estimates.folder.path),
         "poses": len(trajectories.estimated),
+        "defects": len(trajectories.defects),
+        "defect": next(iter(trajectories.defects), None),
         **figures,
         **{key: str(folder.tum_path(name)) if name in written else None for key, name in TUM_FILES.items()},
         "truncated": estimates.truncated or None,
@@ -77,6 +80,8 @@ def in_time_of_run(rows: FloatArray, times_s: FloatArray, wall_minus_monotonic_n
 def evaluation_lines(figures: dict[str, Any]) -> list[str]:
     """The figures for a person."""
     lines = [f"estimates {figures['estimates']}, {figures['poses']} poses", f"truth     {figures['truth']}"]
+    if figures["defects"]:
+        lines.append(defects_line(figures["defects"], figures["poses"], figures["defect"]))
     if figures["n_known"] is not None:
         lines.append(f"used      {figures['n']} of {figures['n_known']} places")
     if figures["rms_m"] is not None:

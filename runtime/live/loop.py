@@ -106,7 +106,9 @@ class Loop:
         step_ns = sum(before_ns.values()) - before_ns["read"]
         timing = Timing(beat.lateness_ns, beat.missed, {"step": step_ns, **before_ns, **self._after_ns})
         with stages.stage("truth"):
-            completed = CompletedTick(tick, estimate, timing, state_hash, self._inputs.truth(estimate.stamp_ns))
+            true_pose = self._inputs.truth(estimate.stamp_ns)
+            defect = "; ".join(event.reason for event in events)
+            completed = CompletedTick(tick, estimate, timing, state_hash, true_pose, defect)
         for name, sink in outputs.sinks.items():
             with stages.stage(f"hand to {name}"):
                 events += put_or_report(name, sink, completed)

@@ -130,6 +130,12 @@ int64 raw
 string reason
 """
 
+DEFECT = """\
+# The step of this tick raised and ended as a prediction without its scan; the tick holds what made it raise.
+int64 stamp_ns
+string reason
+"""
+
 DEFINITIONS = {
     "can_msgs/msg/Frame": CAN_FRAME,
     "infant_msgs/msg/CanFdFrame": CAN_FD_FRAME,
@@ -140,6 +146,7 @@ DEFINITIONS = {
     "infant_msgs/msg/Truth": TRUTH,
     "infant_msgs/msg/RawLaser": RAW_LASER,
     "infant_msgs/msg/Gap": GAP,
+    "infant_msgs/msg/Defect": DEFECT,
 }
 
 TYPES = {
@@ -156,6 +163,7 @@ TYPES = {
     "/raw/can": "can_msgs/msg/Frame",
     "/raw/can_fd": "infant_msgs/msg/CanFdFrame",
     "/gap": "infant_msgs/msg/Gap",
+    "/defect": "infant_msgs/msg/Defect",
 }
 """Topic of a run: name of its type."""
 

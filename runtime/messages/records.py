@@ -8,6 +8,7 @@ from runtime.messages.ros import encode_can_frame, encode_events, encode_odometr
 from runtime.messages.tick import (
     LaserBytes,
     Record,
+    encode_defect,
     encode_laser_bytes,
     encode_state_hash,
     encode_tick,
@@ -40,6 +41,8 @@ def outcome_records(completed: CompletedTick) -> list[Record]:
     ]
     if completed.truth is not None:
         records.append(encode_truth(estimate.stamp_ns, completed.truth))
+    if completed.defect:
+        records.append(encode_defect(tick.stamp_ns, completed.defect))
     return records
 
 
@@ -54,6 +57,6 @@ def warm_up() -> None:
     tick = Tick(0, 0, Scan(0, np.zeros(1, np.float32), np.zeros(1)), (), (Event(0, "", "", ""),))
     zero = np.zeros((3, 3))
     estimate = Estimate(0, nowhere, zero, nowhere, zero, nowhere, Quality.UNCERTAIN)
-    tick_records(CompletedTick(tick, estimate, Timing(0, 0, {}), b"", nowhere))
+    tick_records(CompletedTick(tick, estimate, Timing(0, 0, {}), b"", nowhere, "none"))
     encode_laser_bytes(LaserBytes(0, False, b""))
     encode_can_frame(0, 0, 0, b"")

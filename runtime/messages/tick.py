@@ -123,6 +123,16 @@ def decode_truth(data: bytes) -> Pose2:
     return Pose2(*decode("/truth", data).map_from_body.tolist())
 
 
+def encode_defect(stamp_ns: int, reason: str) -> Record:
+    """A step that raised, in one sentence."""
+    return encode("/defect", stamp_ns, stamp_ns=stamp_ns, reason=reason)
+
+
+def decode_defect(data: bytes) -> str:
+    """Back again."""
+    return str(decode("/defect", data).reason)
+
+
 @dataclass(frozen=True, slots=True)
 class Gap:
     """The record lost this many ticks and raw messages before this stamp."""

@@ -13,6 +13,7 @@ from runtime.messages.ros import decode_ranges_m
 from runtime.messages.tick import (
     Gap,
     Record,
+    decode_defect,
     decode_gap,
     decode_state_hash,
     decode_tick,
@@ -29,7 +30,7 @@ from slam.estimate import Estimate
 from slam.pose import Pose2
 
 LOSSES_SHOWN = 3
-OUTCOMES = frozenset(("/estimate", "/pose", "/odom", "/timing", "/state_hash", "/truth"))
+OUTCOMES = frozenset(("/estimate", "/pose", "/odom", "/timing", "/state_hash", "/truth", "/defect"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +69,12 @@ class RecordedTick:
         """Where a simulated rover really was."""
         record = self.outcomes.get("/truth")
         return None if record is None else decode_truth(record.data)
+
+    @property
+    def defect(self) -> str:
+        """Why the step raised and ended as a prediction, "" where it did not."""
+        record = self.outcomes.get("/defect")
+        return "" if record is None else decode_defect(record.data)
 
 
 class RunReader:

@@ -7,7 +7,7 @@ import numpy as np
 from drivers.measurements import FloatArray
 from runtime.errors import UsageError
 from runtime.messages.estimate import decode_poses
-from runtime.messages.tick import decode_truth
+from runtime.messages.tick import decode_defect, decode_truth
 from runtime.record.reader import RunReader
 from slam.pose import Pose2
 
@@ -19,13 +19,14 @@ class Trajectories:
     """Rows (n, 4) of t s, x m, y m, heading rad.
 
     estimated: the published pose; particles: the mean of the particles' own; odometry: dead reckoning alone;
-    simulated: the simulator's truth, None without one.
+    simulated: the simulator's truth, None without one. defects: why steps raised, one reason for each that did.
     """
 
     estimated: FloatArray
     particles: FloatArray
     odometry: FloatArray
     simulated: FloatArray | None
+    defects: tuple[str, ...] = ()
 
 
 def with_estimates(run: RunReader) -> RunReader:
@@ -34,7 +35,10 @@ def with_estimates(run: RunReader) -> RunReader:
         return run
     path, newest = run.folder.path, run.folder.newest_replay()
     if newest is None:
-        raise UsageError(f"{path} was imported and has no estimates yet; make them with: infant replay {path}")
+        raise UsageError(
+            f"{path} was imported and has no estimates yet; make them with: infant replay {path} "
+            "(or give the folder that a replay was written to with --out)"
+        )
     return RunReader(newest.path)
 
 
@@ -42,16 +46,19 @@ def read_trajectories(reader: RunReader) -> Trajectories:
     """Only poses are kept. Raises UsageError when the run holds no estimate."""
     columns: tuple[list[Row], ...] = ([], [], [])
     simulated: list[Row] = []
+    defects: list[str] = []
     for record in reader.records():
         if record.topic == "/estimate":
             for column, pose in zip(columns, decode_poses(record.data), strict=True):
                 column.append(_row(record.stamp_ns, pose))
         elif record.topic == "/truth":
             simulated.append(_row(record.stamp_ns, decode_truth(record.data)))
+        elif record.topic == "/defect":
+            defects.append(decode_defect(record.data))
     if not columns[0]:
         raise UsageError(f"{reader.folder.path} holds no estimates; replay it first")
     estimated, particles, odometry = (np.array(column) for column in columns)
-    return Trajectories(estimated, particles, odometry, np.array(simulated) if simulated else None)
+    return Trajectories(estimated, particles, odometry, np.array(simulated) if simulated else None, tuple(defects))
 
 
 def _row(stamp_ns: int, pose: Pose2) -> Row:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import UsageError
-from runtime.fault_isolation import step_or_predict
+from runtime.fault_isolation import defects_line, step_or_predict
 from runtime.messages.estimate import encode_estimate
 from runtime.messages.records import outcome_records
 from runtime.messages.tick import Record
@@ -35,6 +35,7 @@ TICKS_A_REPORT = 25
 class ReplayResult:
     """How a replay went.
 
+    defects: ticks whose step raised and ended as a prediction; defect: why the first of them did.
     compared: ticks that had an estimate to compare with. difference: one sentence on the first tick that differs.
     identical: None when nothing was compared.
     """
@@ -49,6 +50,8 @@ class ReplayResult:
     elapsed_s: float = 0.0
     landmarks: int = 0
     steps_ns: list[int] = field(default_factory=list)
+    defects: int = 0
+    defect: str = ""
 
     @property
     def identical(self) -> bool | None:
@@ -80,13 +83,15 @@ def replay(
     try:
         for recorded in reader.ticks():
             step_began_ns = time.perf_counter_ns()
-            estimate, _ = step_or_predict(estimator, recorded.tick)
+            estimate, events = step_or_predict(estimator, recorded.tick)
             result.steps_ns.append(time.perf_counter_ns() - step_began_ns)
             state_hash = estimator.state_hash()
+            defect = "; ".join(event.reason for event in events)
+            result.defects, result.defect = result.defects + bool(events), result.defect or defect
             if verify and not result.difference:
                 _compare(result, recorded, estimate, state_hash)
             if writer is not None:
-                writer.add(_records(recorded, estimate, result.steps_ns[-1], state_hash))
+                writer.add(_records(recorded, estimate, result.steps_ns[-1], state_hash, defect))
             _note(result, recorded, estimate)
             if progress is not None and result.ticks % TICKS_A_REPORT == 0:
                 progress(reader.read_fraction)
@@ -143,6 +148,8 @@ def summarise_replay(
         "out": None if folder is None else str(folder.path),
         "ticks": result.ticks,
         "scans": result.scans,
+        "defects": result.defects,
+        "defect": result.defect or None,
         "identical": result.identical,
         "compared": result.compared,
         "difference": result.difference or None,
@@ -186,11 +193,12 @@ def _writer(reader: RunReader, configuration: Configuration, out: RunFolder | No
     return RunWriter(out.mcap_path, header.metadata, reader.attachments)
 
 
-def _records(recorded: RecordedTick, estimate: Estimate, step_ns: int, state_hash: bytes) -> list[Record]:
+def _records(recorded: RecordedTick, estimate: Estimate, step_ns: int, state_hash: bytes, defect: str) -> list[Record]:
     """The tick as it stood, with the new outcome; lateness and missed beats remain those of the drive."""
     was = recorded.timing
     timing = Timing(was.lateness_ns if was else 0, was.missed if was else 0, {"step": step_ns})
-    records = recorded.inputs + outcome_records(CompletedTick(recorded.tick, estimate, timing, state_hash, None))
+    completed = CompletedTick(recorded.tick, estimate, timing, state_hash, None, defect)
+    records = recorded.inputs + outcome_records(completed)
     truth = recorded.outcomes.get("/truth")
     return records if truth is None else [*records, truth]
 
@@ -231,6 +239,8 @@ def replay_lines(summary: dict[str, Any]) -> list[str]:
         f"step p50 {step['p50']:.2f}  p99 {step['p99']:.2f}  max {step['max']:.2f} ms",
         f"landmarks {summary['landmarks']}",
     ]
+    if summary["defects"]:
+        lines.append(defects_line(summary["defects"], summary["ticks"], summary["defect"]))
     if summary["identical"] is not None:
         same = f"identical to the record, every bit of {summary['compared']} estimates and state hashes"
         lines.append(f"verify    {same if summary['identical'] else 'DIFFERS: ' + summary['difference']}")

@@ -8,15 +8,16 @@ from runtime.report.finding import RANKS, Finding, Interval
 
 ECHO_S = 5.0  # a pose needs some seconds to be sure again after what put it in doubt
 SENSORS = ("laser_", "scan_", "wheel", "odometry_", "can_", "storage_", "tread", "missed_beats")
+UPSTREAM = ("defect", *SENSORS)
 FOLLOWERS = {  # kind that follows: kinds that may be its cause, and whether they must fall into the same seconds
     "laser_silent": (("scan_stamps_jump", "laser_checksum", "laser_frozen", "laser_late"), True),
     "laser_scans_lost": (("laser_checksum", "laser_frozen", "scan_stamps_jump", "missed_beats"), True),
-    "pose_lost": (SENSORS, True),
-    "pose_uncertain": (SENSORS, True),
-    "pose_jumps": (SENSORS, True),
-    "no_landmarks": (SENSORS, True),
-    "worse_than_odometry": ((*SENSORS, "pose_"), False),
-    "overconfident": ((*SENSORS, "pose_", "worse_"), False),
+    "pose_lost": (UPSTREAM, True),
+    "pose_uncertain": (UPSTREAM, True),
+    "pose_jumps": (UPSTREAM, True),
+    "no_landmarks": (UPSTREAM, True),
+    "worse_than_odometry": ((*UPSTREAM, "pose_"), False),
+    "overconfident": ((*UPSTREAM, "pose_", "worse_"), False),
 }
 
 

@@ -101,7 +101,8 @@ class StuckEncoder:
 class RunFacts:
     """All that findings and the page may look at. origin_ns: stamp of the first tick.
 
-    imported: recorded by software of others, whose rates and gaps are the recording's own.
+    imported: recorded by software of others, whose rates and gaps are the recording's own. defects: s since the first
+    tick and reason of every step that raised.
     stuck_encoders, calibration: what `calibrated` adds; None where `drive` has nothing to calibrate by.
     """
 
@@ -122,6 +123,7 @@ class RunFacts:
     drive: DriveData | None
     accuracy: dict[str, Any]
     imported: bool
+    defects: tuple[tuple[float, str], ...] = ()
     stuck_encoders: tuple[StuckEncoder, ...] = ()
     calibration: Calibration | None = None
 

@@ -31,6 +31,7 @@ def figures(facts: RunFacts, findings: Sequence[Finding]) -> dict[str, Any]:
         "severity": worst(findings).value,
         "findings": [finding.as_json() for finding in findings],
         "accuracy": facts.accuracy,
+        "defects": {"steps": len(facts.defects), "first": facts.defects[0][1] if facts.defects else None},
         "timing": _timing(facts),
         "sensors": _sensors(facts),
         "filter": _filter(facts),

@@ -63,6 +63,7 @@ class Gathering:
         self._samples: list[WheelCounts] = []
         self._speeds: list[SpeedSteering] = []
         self._events: list[Event] = []
+        self._defects: list[tuple[float, str]] = []
         self._landmarks: LandmarkMap | None = None
         self._origin_ns: int | None = None
 
@@ -85,6 +86,8 @@ class Gathering:
             self._take_scan(tick.stamp_ns, tick.scan, estimate)
         if estimate is None:
             return
+        if reason := recorded.defect:
+            self._defects.append((self._seconds(tick.stamp_ns), reason))
         if estimate.landmarks is not None:
             self._landmarks = estimate.landmarks
         nowhere = np.full(3, np.nan)
@@ -147,6 +150,7 @@ class Gathering:
             drive=self._drive(name),
             accuracy=_accuracy(ticks, self._origin_ns, inputs, configuration),
             imported=inputs.header.is_import,
+            defects=tuple(self._defects),
         )
 
     def _take_scan(self, beat_ns: int, scan: object, estimate: Estimate | None) -> None:

@@ -1,5 +1,7 @@
 """What was wrong with the host: beats missed or late, and a record that has holes."""
 
+from collections import Counter
+
 import numpy as np
 
 from drivers.measurements import Severity
@@ -18,7 +20,8 @@ PATH_OF_LOOP = "set loop.priority = 50, lower slam.particles, or run less other 
 
 def running_findings(facts: RunFacts) -> list[Finding]:
     """All of them; a replay has the beats of the drive it was made from."""
-    return [*_short(facts), *_missed(facts), *_late(facts), *_slow(facts), *_storage(facts), *_defects(facts)]
+    beats = (*_missed(facts), *_late(facts), *_slow(facts))
+    return [*_short(facts), *beats, *_storage(facts), *_failed_steps(facts), *_errors(facts)]
 
 
 def _short(facts: RunFacts) -> list[Finding]:
@@ -130,18 +133,40 @@ def _storage(facts: RunFacts) -> list[Finding]:
     return findings
 
 
-def _defects(facts: RunFacts) -> list[Finding]:
-    """Reports of errors from parts that no other finding looks at."""
-    events = [
-        event
-        for event in facts.events
-        if event.severity is Severity.ERROR and event.source not in ("laser", "encoders", "health")
+def _failed_steps(facts: RunFacts) -> list[Finding]:
+    """Steps of the filter that raised: whatever the pose looks like then follows from them."""
+    if not facts.defects:
+        return []
+    reasons = Counter(reason.partition("; tick ")[0] for _, reason in facts.defects)
+    times_s = np.array([time_s for time_s, _ in facts.defects])
+    intervals = intervals_where(times_s, np.ones(times_s.size, dtype=np.bool_), 2.0)
+    return [
+        Finding(
+            "defect",
+            Severity.ERROR,
+            f"A defect of the filter: {times_s.size} of {facts.ticks.times_s.size} steps raised an error and lost "
+            f"their scan, during {spans_text(intervals)}",
+            tuple(f"{count} times: {reason}" for reason, count in reasons.most_common(3)),
+            "a defect of the software",
+            "report it, together with the run",
+            intervals,
+        )
     ]
+
+
+def _errors(facts: RunFacts) -> list[Finding]:
+    """Reports of errors from parts that no other finding looks at; a replay holds those of the drive it was made from,
+    whose filter may have failed where this one did not.
+    """
+    others: tuple[str, ...] = ("laser", "encoders", "health")
+    if facts.defects or facts.source != "live":
+        others = (*others, "estimator")
+    events = [event for event in facts.events if event.severity is Severity.ERROR and event.source not in others]
     if not events:
         return []
     return [
         Finding(
-            "defect",
+            "reported_errors",
             Severity.ERROR,
             f"{len(events)} errors were reported by {', '.join(sorted({event.source for event in events}))}",
             tuple(event.reason for event in events[:3]),

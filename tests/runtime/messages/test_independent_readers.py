@@ -61,7 +61,8 @@ def mcap(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for seq in range(TICKS):
         tick = make_tick(seq + 1, rng, "sightings" if seq == 3 else "scan")
         estimate = make_estimate(tick.stamp_ns, rng)
-        records = tick_records(CompletedTick(tick, estimate, make_timing(seq), bytes(16), Pose2(0.1 * seq, 0.0, 0.0)))
+        truth, defect = Pose2(0.1 * seq, 0.0, 0.0), "IndexError: no beam" if seq == 5 else ""
+        records = tick_records(CompletedTick(tick, estimate, make_timing(seq), bytes(16), truth, defect))
         raw = [
             encode_laser_bytes(LaserBytes(tick.stamp_ns, seq % 2 == 0, b"GE\n")),
             encode_can_frame(tick.stamp_ns, 0x123, 0, b"\x01\x02"),
@@ -92,6 +93,7 @@ def test_every_topic_is_decoded_out_of_the_definitions_in_the_file(mcap: Path) -
     np.testing.assert_array_equal(np.array(messages["/scan"][0].ranges, np.float32), first.scan.ranges_m)  # type: ignore[union-attr]
     assert list(messages["/estimate"][0].landmark_identities) == estimate.landmarks.identities.tolist()  # type: ignore[union-attr]
     assert messages["/gap"][0].reason == "the disk was full"
+    assert [message.reason for message in messages["/defect"]] == ["IndexError: no beam"]
     assert messages["/raw/can"][0].id == 0x123
     assert len(messages["/odom"]) == TICKS
 

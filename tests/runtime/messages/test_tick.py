@@ -198,9 +198,8 @@ def test_an_fd_frame_keeps_all_its_bytes() -> None:
 def test_another_reader_understands_every_type(topic: str) -> None:
     rng = np.random.default_rng(4)
     tick, estimate = make_tick(7, rng), make_estimate(70, rng)
-    records = {
-        r.topic: r for r in tick_records(CompletedTick(tick, estimate, make_timing(7), bytes(16), Pose2(1.0, 2.0, 0.5)))
-    }
+    completed = CompletedTick(tick, estimate, make_timing(7), bytes(16), Pose2(1.0, 2.0, 0.5), "why")
+    records = {r.topic: r for r in tick_records(completed)}
     for record in (
         encode_can_frame(1, 2, 0, b"abc"),
         encode_can_frame(1, 2, 8, b"abc"),
