@@ -13,12 +13,13 @@ import typer
 
 from runtime.cli.progress import AsJson, progress_bar
 from runtime.errors import UsageError
+from runtime.source_tree import SHARED_DATA
 
 Scheduler = Annotated[str, typer.Option("--scheduler", help="address of a dask scheduler, local (all cores), or none")]
 
 
 class Part(StrEnum):
-    """What of the paper; the published pose is this project's own addition to it."""
+    """What of the paper; the published pose and the places are this project's own additions to it."""
 
     PUBLISHED = "published"
     FIG1 = "fig1"
@@ -27,20 +28,45 @@ class Part(StrEnum):
     ABLATION = "ablation"
     FIG5 = "fig5"
     FIG6 = "fig6"
+    PLACES = "places"
     ALL = "all"
 
 
 def paper(
-    part: Annotated[Part, typer.Argument(help="a figure, the table, the ablation, the published pose, or all")],
+    part: Annotated[
+        Part, typer.Argument(help="a figure, the table, the ablation, the published pose, all of these, or places")
+    ],
+    more: Annotated[list[str] | None, typer.Argument(metavar="[SET]...", help="places: only these")] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="drives for each arm")] = 20,
     out: Annotated[Path, typer.Option("--out", help="folder for pictures and tables; finished jobs are kept")] = Path(
         "paper"
     ),
     particles: Annotated[int, typer.Option("--particles", min=1, max=10_000, help="particles of every arm")] = 30,
+    repeats: Annotated[
+        int, typer.Option("--repeats", min=1, max=1000, help="places: drives that each leave 5 % of the scans out")
+    ] = 20,
+    sets: Annotated[list[str] | None, typer.Option("--sets", metavar="SET...", help="places: only these")] = None,
+    data: Annotated[
+        Path, typer.Option("--data", envvar="INFANT_DATA", help="places: folder of the public recordings")
+    ] = SHARED_DATA,
     scheduler: Scheduler = "local",
     as_json: AsJson = False,
 ) -> None:
-    """Reproduce the paper's figures with their spread over seeds, and say what holds."""
+    """Reproduce the paper's figures with their spread over seeds, and say what holds.
+
+    "places" drives through every public recording, with its own configuration file and with the defaults, through a
+    simulated building and with beams that drop out.
+    """
+    chosen = [*(sets or []), *(more or [])]
+    if part is Part.PLACES:
+        from runtime.studies.places import study as places
+
+        study = places.PlacesStudy(data, repeats, tuple(chosen) or None)
+        outcome = places.run_places(study, out, chosen_scheduler(scheduler), job_progress("places"))
+        typer.echo(json.dumps(outcome) if as_json else "\n".join(places.study_lines(outcome)))
+        return
+    if chosen:
+        raise UsageError(f"{' '.join(chosen)}: only places has sets; leave them out of infant paper {part.value}")
     from runtime.optional_packages import needs
 
     with needs("matplotlib", "infant paper"):

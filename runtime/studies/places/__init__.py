@@ -1,1 +1,1 @@
-"""How good is the pose where nobody tuned it, and does a "lost" tell the truth? Begin at building_drive.py."""
+"""How good is the pose where nobody tuned it, and does a "lost" tell the truth? Begin at study.py."""

@@ -43,6 +43,7 @@ def building_drive(
     result: Result = {
         "way_m": float(building.path.arc_m(drive.published[-1:, 0])[0]),
         "landmarks": drive.landmarks,
+        "defects": drive.defects,
         "cpu_s": float(drive.step_s.sum()),
         "step_max_s": float(drive.step_s.max()),
         "lost": drive.share_of(Quality.LOST),

@@ -1,12 +1,37 @@
-"""What a pose is worth in one place: errors against its truth, and whether its quality told the truth."""
+"""What a pose is worth in one place: its errors, whether its quality told the truth, how crisp its map is."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
-from drivers.measurements import FloatArray
+import numpy as np
+
+from drivers.measurements import FloatArray, Scan, ScanLike
+from runtime.evaluate.against_truth import PathError, compare_with_truth
+from runtime.evaluate.errors import LEAST_FIT_POINTS, rigid_fit
+from runtime.evaluate.rows import poses_at
+from runtime.evaluate.truth import DataSetTruth, Mount
+from runtime.studies.jobs import Result
+from runtime.studies.places.drive import Driven
 from slam.estimate import Quality
+from slam.pose import composed
 
 RIGHT_M = 1.0
 SIGMAS = 3.0
+CELL_M = 0.05
+
+
+def truth_figures(drive: Driven, truth: DataSetTruth, mount: Mount) -> Result:
+    """Errors of published pose and odometry at every time of the truth, their ratio, and false qualities.
+
+    Only what the truth can tell is there. The ratio is that of the relations where the set has them.
+    """
+    comparison = compare_with_truth(drive.published, drive.odometry, truth, mount)
+    result = _errors("published", comparison.published) | _errors("odometry", comparison.odometry)
+    if comparison.over_odometry is not None:
+        result["over_odometry"] = comparison.over_odometry
+    places = truth.fixes if truth.fixes is not None else truth.poses
+    if places is not None:
+        result |= _quality_against(drive, places, truth.point(mount))
+    return result
 
 
 def quality_shares(errors_m: FloatArray, sigma_m: FloatArray, qualities: Sequence[Quality]) -> dict[str, float]:
@@ -17,6 +42,43 @@ def quality_shares(errors_m: FloatArray, sigma_m: FloatArray, qualities: Sequenc
     """
     right = (errors_m < RIGHT_M) & (errors_m < SIGMAS * sigma_m)
     wrong = (errors_m > RIGHT_M) & (errors_m > SIGMAS * sigma_m)
-    lost = [quality is Quality.LOST for quality in qualities]
-    tracking = [quality is Quality.TRACKING for quality in qualities]
+    lost = np.array([quality is Quality.LOST for quality in qualities])
+    tracking = np.array([quality is Quality.TRACKING for quality in qualities])
     return {"false_lost": float((right & lost).mean()), "false_tracking": float((wrong & tracking).mean())}
+
+
+def occupied_cells(scans: Iterable[ScanLike], path: FloatArray, mount: Mount) -> int:
+    """Cells of 5 cm that hold a return when every scan is drawn from its pose on the path (n, 4): fewer are crisper."""
+    seen = [scan for scan in scans if isinstance(scan, Scan)]
+    poses = composed(poses_at(path, np.array([scan.stamp_ns * 1e-9 for scan in seen])), np.array(mount))
+    cells = [np.empty((0, 2), dtype=np.int64)]
+    for scan, (x, y, heading) in zip(seen, poses, strict=True):
+        if np.isfinite(x):
+            hit = np.isfinite(scan.ranges_m)
+            angle, ranges = scan.bearings_rad[hit] + heading, scan.ranges_m[hit]
+            points = np.column_stack((x + ranges * np.cos(angle), y + ranges * np.sin(angle)))
+            cells.append(np.unique(np.floor(points / CELL_M).astype(np.int64), axis=0))
+    return len(np.unique(np.concatenate(cells), axis=0))
+
+
+def _errors(name: str, error: PathError) -> Result:
+    result: Result = {}
+    if error.position is not None:
+        result[f"{name}_rms_m"] = error.position.rms_m
+        result[f"{name}_trimmed_rms_m"] = error.position.trimmed_rms_m
+    if error.relation is not None:
+        result[f"{name}_relation_m"] = error.relation.translation_m
+        result[f"{name}_relation_deg"] = error.relation.rotation_deg
+    return result
+
+
+def _quality_against(drive: Driven, places: FloatArray, point: Mount) -> dict[str, float]:
+    """At the times of the places: the quality and sigma of the last tick until then, the error after the rigid fit."""
+    points = composed(poses_at(drive.published, places[:, 0]), np.array(point))[:, :2]
+    known = np.isfinite(points[:, 0])
+    if known.sum() < LEAST_FIT_POINTS:
+        return {}
+    points, onto, times_s = points[known], places[known, 1:3], places[known, 0]
+    errors_m: FloatArray = np.hypot(*(rigid_fit(points, onto).transform(points) - onto).T)
+    ticks = np.maximum(np.searchsorted(drive.published[:, 0], times_s, side="right") - 1, 0)
+    return quality_shares(errors_m, drive.sigma_m[ticks], [drive.qualities[tick] for tick in ticks])
