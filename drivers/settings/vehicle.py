@@ -1,11 +1,12 @@
 """[vehicle]: what is a fact of the vehicle, whoever asks: the driver, the filter or a report."""
 
 import math
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 JUMP_FACTOR = 1.5  # times the top speed: what moves faster between two samples is a jump and no motion
+POSE_MAX_SPEED_MPS = 26.7
 
 
 class VehicleSettings(BaseModel):
@@ -72,8 +73,16 @@ class VehicleSettings(BaseModel):
         gt=0.01,
         le=100.0,
         description="top speed of a wheel, m/s; 7 km/h (paper, Table II). What moves 1.5 times as fast between two "
-        "samples is a jump: raise it for a faster vehicle, and for logs whose stamps are rough",
+        "samples is a jump: raise it for a faster vehicle, and for logs whose stamps are rough. For poses 26.7 where "
+        "nothing is said",
     )
+
+    @model_validator(mode="after")
+    def _poses_may_be_fast(self) -> Self:
+        """A base that hands out poses never lost count, and its stamps are rough: only 40 m/s is a jump."""
+        if self.motion_model == "pose" and "max_speed_mps" not in self.model_fields_set:
+            object.__setattr__(self, "max_speed_mps", POSE_MAX_SPEED_MPS)
+        return self
 
     @property
     def counts_per_metre(self) -> float:

@@ -1,8 +1,9 @@
-"""A recorded data set as one .npz archive with a description in it (format ld2d-1)."""
+"""A recorded data set as arrays with a description (format ld2d-1), and how it is read from an .npz file."""
 
 import json
 import zipfile
-from dataclasses import dataclass
+import zlib
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -10,19 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import DataSetError
+from runtime.importers.parsing.checks import KNOWN, checked
+from runtime.importers.parsing.left_out import LeftOut
+
+LARGEST_BYTES = 1 << 32  # of all arrays together; a day of a fast laser has a tenth
+META = "meta"
 
 
 @dataclass(frozen=True, slots=True)
 class Archive:
     """Arrays by name; those that a set does not have are absent. meta: its description.
 
-    laser_latency_s: taken off the stamps of what was seen.
+    left_out: what its reader could not use. laser_latency_s: taken off the stamps of what was seen.
     """
 
     name: str
     path: Path
     arrays: dict[str, NDArray[Any]]
     meta: dict[str, Any]
+    left_out: LeftOut = field(default_factory=LeftOut)
     laser_latency_s: float = 0.0
 
     def __contains__(self, name: str) -> bool:
@@ -39,7 +46,7 @@ class Archive:
             for name in ("scan_t", "odom_t", "obs_t", "gt_t")
             if name in self.arrays and self.arrays[name].size
         ]
-        return min(firsts)
+        return min(firsts, default=0.0)
 
     def stamps_ns(self, name: str) -> list[int]:
         """Times of an array as nanoseconds since the set's start; those of scans and sightings without latency."""
@@ -52,19 +59,66 @@ class Archive:
 
 
 def load_archive(source: Path) -> Archive:
-    """Read FOLDER/FOLDER.npz, or the .npz itself.
+    """Read FOLDER/FOLDER.npz, or the .npz itself, with the meta.json beside it where there is one.
 
-    Raises DataSetError with one sentence when it is not there, not an archive, or lacks a description.
+    Raises DataSetError with one sentence when it is not there, not an archive, lacks a description, or when one of its
+    arrays has not the form that it must have.
     """
     path = source / f"{source.name}.npz" if source.is_dir() else source
+    if source.is_dir() and not path.is_file() and len(found := sorted(source.glob("*.npz"))) == 1:
+        path = found[0]
     if not path.is_file():
         raise DataSetError(f"{source} holds no {path.name}; give the folder of a data set, or its .npz file")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        meta = json.loads(str(arrays.pop("meta")))
-    except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
+        arrays = _arrays(path)
+    except (OSError, EOFError, ValueError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
         raise DataSetError(f"{path} cannot be read as a data set ({error}); fetch it again") from error
-    except KeyError as error:
-        raise DataSetError(f"{path} has no array named meta; it must describe the sensor (format ld2d-1)") from error
-    return Archive(str(meta.get("name", path.stem)), path, arrays, meta)
+    meta = _meta(path, arrays.pop(META, None))
+    archive = Archive(str(meta.get("name", path.stem)), path, arrays, meta)
+    arrays |= checked(path, arrays, meta, archive.left_out)
+    for name in [name for name in arrays if not arrays[name].size and name in KNOWN]:
+        del arrays[name]  # as good as absent
+    return archive
+
+
+def _arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """The members that a data set can have. Raises DataSetError, and whatever a file that is no archive makes numpy
+    raise.
+    """
+    with zipfile.ZipFile(path) as members:  # numpy would take what is none for a pickle, and say so
+        size = sum(item.file_size for item in members.infolist() if item.filename.removesuffix(".npy") in KNOWN)
+    if size > LARGEST_BYTES:
+        raise DataSetError(f"{path} unpacks to {size / 1e9:.1f} GB, expected at most {LARGEST_BYTES / 1e9:.1f} GB")
+    arrays = {}
+    with np.load(path, allow_pickle=False) as archive:
+        for name in (name for name in archive.files if name in KNOWN or name == META):
+            try:
+                arrays[name] = archive[name]
+            except (ValueError, SyntaxError, MemoryError, TypeError) as error:
+                raise DataSetError(
+                    f"{path}: array {name} cannot be read; expected plain numbers as numpy.savez writes them"
+                ) from error
+    return {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
+
+
+def _meta(path: Path, member: NDArray[Any] | None) -> dict[str, Any]:
+    """The description: that inside the archive, and over it the one that a person can edit beside it."""
+    texts = {} if member is None else {f"{path}: array {META}": str(member)}
+    beside = path.with_name("meta.json")
+    if beside.is_file():
+        try:
+            texts[str(beside)] = beside.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise DataSetError(f"{beside} cannot be read ({error}); save it as UTF-8 text") from error
+    if not texts:
+        raise DataSetError(f"{path} has no array named meta; it must describe the sensor (format ld2d-1)")
+    meta: dict[str, Any] = {}
+    for place, text in texts.items():
+        try:
+            told = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise DataSetError(f"{place} is not valid JSON ({error}); mend it, or leave it out") from error
+        if not isinstance(told, dict):
+            raise DataSetError(f'{place} is {text[:40]!r}, expected a JSON object such as {{"name": "yard"}}')
+        meta |= told
+    return meta

@@ -1,13 +1,9 @@
 """CARMEN logs, the text format of the Radish and Freiburg archives, as the same arrays that other sets come in.
 
-Messages: ODOM x y theta tv rv accel time host logger_time; FLASER n ranges x y theta odom_x odom_y odom_theta time
-host logger_time; ROBOTLASER1 type start fov resolution range_max accuracy mode n ranges m remissions, laser pose, robot
-pose, tv rv and three safety numbers, time host logger_time. Others are passed over.
+Whatever cannot be read is left out and counted, with its line: a log that was cut off, a laser that was not connected,
+a clock that was set during the drive.
 """
 
-import gzip
-import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,112 +13,162 @@ import numpy as np
 from runtime.errors import DataSetError
 from runtime.evaluate.rows import relative_poses
 from runtime.importers.archive import Archive
+from runtime.importers.parsing import carmen_lines
+from runtime.importers.parsing.carmen_lines import LaserLine
+from runtime.importers.parsing.clock_steps import join_clock
+from runtime.importers.parsing.left_out import LeftOut
+from runtime.importers.parsing.text_lines import TextLines
 
-SUFFIXES = (".log", ".clf", ".carmen", ".gz")
 SICK_NO_RETURN_M = 80.0  # from here on the SICK's readings are codes, not distances
 SAME_M = 1e-4  # logs are written with five or six decimals
+WORDS = ("ODOM", "FLASER", "ROBOTLASER1", "PARAM")
+SCANS, ODOMETRY = "scans", "odometry samples"
 
 
 @dataclass(slots=True)
-class _Lines:
-    """What was gathered from the lines so far."""
+class _Log:
+    """What was gathered from the lines: each stamp with its line number, scans and odometry in the order of writing."""
 
-    odom_t: list[float] = field(default_factory=list)
-    odom_pose: list[list[float]] = field(default_factory=list)
-    scan_t: list[float] = field(default_factory=list)
-    ranges: list[list[float]] = field(default_factory=list)
-    laser_pose: list[list[float]] = field(default_factory=list)
-    scan_odom_pose: list[list[float]] = field(default_factory=list)
-    angles: tuple[float, float] | None = None
-    range_max_m: float | None = None
+    source: Path
+    left_out: LeftOut = field(default_factory=LeftOut)
+    stamps_s: list[float] = field(default_factory=list)
+    numbers: list[int] = field(default_factory=list)
+    items: list[LaserLine | list[float]] = field(default_factory=list)
+    told: dict[str, float] = field(default_factory=dict)
 
-
-def is_carmen(source: Path) -> bool:
-    """Whether a source looks like a CARMEN log by its name."""
-    return source.is_file() and source.suffix in SUFFIXES
+    def place(self, number: int) -> str:
+        return f"{self.source.name}:{number}"
 
 
 def load_carmen(source: Path) -> Archive:
-    """Read a log, also compressed by gzip. Raises DataSetError with the line that cannot be read."""
-    lines = _Lines()
+    """Read a log, also compressed by gzip, to its last whole line. Raises DataSetError where it holds no scan."""
+    log, lines = _Log(source), TextLines(source)
     try:
-        with gzip.open(source, "rt") if source.suffix == ".gz" else source.open() as stream:
-            _read(stream, lines, source)
-    except (OSError, EOFError, UnicodeDecodeError) as error:
+        for number, line, is_whole in lines:
+            _read(line, number, is_whole, log)
+    except OSError as error:
         raise DataSetError(f"{source} cannot be read as a CARMEN log ({error}); fetch it again") from error
-    if not lines.scan_t:
-        raise DataSetError(f"{source} holds no scan (no FLASER, no ROBOTLASER1 line); nothing was written")
-    return _archive(lines, source)
+    if lines.damage:
+        log.left_out.warnings.append(f"{source.name} is read up to its last whole line: {lines.damage}")
+    return _archive(log)
 
 
-def _read(stream: Iterable[str], lines: _Lines, source: Path) -> None:
-    for number, line in enumerate(stream, start=1):
-        words = line.split()
-        try:
-            match words[:1]:
-                case ["ODOM"]:
-                    lines.odom_pose.append([float(word) for word in words[1:4]])
-                    lines.odom_t.append(float(words[-1]))
-                case ["FLASER"]:
-                    _front_laser(words, lines)
-                case ["ROBOTLASER1"]:
-                    _robot_laser(words, lines)
-        except (ValueError, IndexError) as error:
-            raise DataSetError(f"{source}:{number}: {words[0]} line cannot be read ({error})") from error
+def _read(line: str, number: int, is_whole: bool, log: _Log) -> None:
+    words = line.split()
+    if not words or words[0] not in WORDS:
+        return
+    what = ODOMETRY if words[0] == "ODOM" else SCANS
+    try:
+        _take(words, number, log)
+    except (ValueError, IndexError) as error:
+        if words[0] == "PARAM":
+            log.left_out.warnings.append(f"{log.place(number)}: {error}; the line is passed over")
+        else:
+            reason = f"{words[0]} line cannot be read ({error})" if is_whole else "the log was cut off in this line"
+            log.left_out.add(what, reason, log.place(number))
 
 
-def _front_laser(words: list[str], lines: _Lines) -> None:
-    beams = int(words[1])
-    rest = words[2 + beams :]
-    increment = math.pi / (beams if beams % 2 == 0 else beams - 1)  # 180 beams end one short of 90 deg, 181 at it
-    _add_scan(lines, words[2 : 2 + beams], rest[0:3], rest[3:6], rest[-1], (-0.5 * math.pi, increment))
+def _take(words: list[str], number: int, log: _Log) -> None:
+    """Keep what a line says. Raises ValueError, IndexError where it cannot be read."""
+    item: LaserLine | list[float]
+    match words[0]:
+        case "PARAM":
+            carmen_lines.parameter(words, log.told)
+            return
+        case "ODOM":
+            stamp_s, item = carmen_lines.odometry_line(words)
+        case "FLASER":
+            item = carmen_lines.front_laser_line(words)
+            stamp_s = item.stamp_s
+        case _:
+            item = carmen_lines.robot_laser_line(words)
+            stamp_s = item.stamp_s
+    log.stamps_s.append(stamp_s)
+    log.numbers.append(number)
+    log.items.append(item)
 
 
-def _robot_laser(words: list[str], lines: _Lines) -> None:
-    start, resolution, range_max = float(words[2]), float(words[4]), float(words[5])
-    beams = int(words[8])
-    rest = words[9 + beams :]
-    rest = rest[1 + int(rest[0]) :]
-    lines.range_max_m = range_max
-    _add_scan(lines, words[9 : 9 + beams], rest[0:3], rest[3:6], rest[-1], (start, resolution))
-
-
-def _add_scan(
-    lines: _Lines, ranges: list[str], laser: list[str], robot: list[str], time: str, angles: tuple[float, float]
-) -> None:
-    if lines.angles is None:
-        lines.angles = angles
-    elif lines.angles != angles:
-        raise ValueError("another laser or number of beams than before; split the log")
-    if len(laser) + len(robot) < 6:
-        raise ValueError("the line ends early")
-    stamp_s = float(time)
-    if lines.scan_t and stamp_s <= lines.scan_t[-1]:
-        return  # some logs hold a scan twice
-    lines.ranges.append([float(word) for word in ranges])
-    lines.laser_pose.append([float(word) for word in laser])
-    lines.scan_odom_pose.append([float(word) for word in robot])
-    lines.scan_t.append(stamp_s)
-
-
-def _archive(lines: _Lines, source: Path) -> Archive:
-    assert lines.angles is not None
-    ranges = np.array(lines.ranges, np.float32)
-    laser, robot = np.array(lines.laser_pose), np.array(lines.scan_odom_pose)
-    arrays: dict[str, Any] = {"scan_t": np.array(lines.scan_t), "ranges": ranges, "scan_odom_pose": robot}
-    if lines.odom_t:
-        order = np.argsort(lines.odom_t, kind="stable")
-        arrays |= {"odom_t": np.array(lines.odom_t)[order], "odom_pose": np.array(lines.odom_pose)[order]}
-    else:
-        arrays |= {"odom_t": arrays["scan_t"], "odom_pose": robot}
-    meta = {
-        "name": f"carmen {source.name}",
-        "angle_min": lines.angles[0],
-        "angle_increment": lines.angles[1],
-        "range_max": lines.range_max_m or min(SICK_NO_RETURN_M, float(ranges[np.isfinite(ranges)].max(initial=0.0))),
+def _archive(log: _Log) -> Archive:
+    scans, odometry = _in_order(log)
+    if not scans:
+        first = log.left_out.first()
+        raise DataSetError(
+            f"{log.source} holds no scan that can be used (FLASER or ROBOTLASER1 lines)"
+            f"{f'; {first}' if first else ''}; nothing was written"
+        )
+    lines = [line for _, line in scans]
+    beams = max(len(line.ranges_m) for line in lines)
+    ranges = np.full((len(lines), beams), np.nan, np.float32)
+    for row, line in zip(ranges, lines, strict=True):
+        row[: len(line.ranges_m)] = line.ranges_m
+    laser, robot = (np.array([getattr(line, name) for line in lines]) for name in ("laser_pose", "robot_pose"))
+    geometry = np.array([(*carmen_lines.angles(line, log.told), len(line.ranges_m)) for line in lines])
+    arrays: dict[str, Any] = {
+        "scan_t": np.array([stamp_s for stamp_s, _ in scans]),
+        "ranges": ranges,
+        "scan_odom_pose": robot,
+        "scan_angle_min": geometry[:, 0],
+        "scan_angle_increment": geometry[:, 1],
+        "scan_beams": geometry[:, 2].astype(np.int64),
     }
-    mount = relative_poses(robot, laser)
+    if odometry:
+        arrays |= {"odom_t": np.array([stamp_s for stamp_s, _ in odometry])}
+        arrays |= {"odom_pose": np.array([pose for _, pose in odometry])}
+    if guessed := sum(carmen_lines.is_guessed(line, log.told) for line in lines):
+        log.left_out.warnings.append(
+            f"{guessed} scans of {beams} beams are taken to span 180 deg, because the log does not say; where that is "
+            f"wrong, put the line 'PARAM {carmen_lines.FOV} RADIANS' at its head"
+        )
+    return Archive(f"carmen {log.source.name}", log.source, arrays, _meta(log, lines, arrays, laser), log.left_out)
+
+
+def _meta(log: _Log, lines: list[LaserLine], arrays: dict[str, Any], laser: np.ndarray[Any, Any]) -> dict[str, Any]:
+    """The description; adds the poses of another SLAM to the arrays where the log holds them."""
+    ranges = arrays["ranges"]
+    told_m = [line.range_max_m for line in lines if line.range_max_m is not None and line.range_max_m > 0.0]
+    meta: dict[str, Any] = {
+        "name": f"carmen {log.source.name}",
+        "angle_min": float(arrays["scan_angle_min"][0]),
+        "angle_increment": float(arrays["scan_angle_increment"][0]),
+        "range_max": max(told_m) if told_m else min(SICK_NO_RETURN_M, _largest_m(ranges)),
+        "vehicle": carmen_lines.mount_of(log.told, log.source),
+    }
+    mount = relative_poses(arrays["scan_odom_pose"], laser)
     if np.abs(mount - mount[0]).max() > SAME_M:  # not the mount: the log was corrected by someone's SLAM
         arrays |= {"gt_t": arrays["scan_t"], "gt_xy": laser[:, :2], "gt_theta": laser[:, 2]}
         meta["gt_kind"] = "poses that the log gives for the laser: another SLAM's estimate, not independent truth"
-    return Archive(str(meta["name"]), source, arrays, meta)
+    elif np.abs(mount[0]).max() > SAME_M:
+        meta["vehicle"] = dict(zip(("laser_x", "laser_y", "laser_yaw"), mount[0].round(6).tolist(), strict=True))
+    return meta
+
+
+def _largest_m(ranges: np.ndarray[Any, Any]) -> float:
+    return float(ranges[np.isfinite(ranges)].max(initial=0.0)) or SICK_NO_RETURN_M
+
+
+def _in_order(log: _Log) -> tuple[list[tuple[float, LaserLine]], list[tuple[float, list[float]]]]:
+    """Scans and odometry by their time, on one clock that never goes back; each time once."""
+    clock = join_clock(log.stamps_s)
+    for row, step_s in clock.steps:
+        where = "back" if step_s < 0.0 else "forward"
+        log.left_out.warnings.append(
+            f"{log.place(log.numbers[row])}: the clock of the log was set {where} by {abs(step_s):.1f} s; the stamps "
+            "from there on are moved so that time goes on"
+        )
+    scans: list[tuple[float, LaserLine]] = []
+    odometry: list[tuple[float, list[float]]] = []
+    for row in np.argsort(clock.stamps_s, kind="stable").tolist():
+        stamp_s, item, place = float(clock.stamps_s[row]), log.items[row], log.place(log.numbers[row])
+        what = SCANS if isinstance(item, LaserLine) else ODOMETRY
+        if not clock.good[row]:
+            log.left_out.add(what, "the stamp lies more than a second before its neighbours, or a day after", place)
+        elif isinstance(item, LaserLine):
+            if not scans or stamp_s > scans[-1][0]:
+                scans.append((stamp_s, item))
+            elif item.ranges_m != scans[-1][1].ranges_m:  # some logs hold a scan twice
+                log.left_out.add(what, "another scan has the same stamp", place)
+        elif not odometry or stamp_s > odometry[-1][0]:
+            odometry.append((stamp_s, item))
+        elif item != odometry[-1][1]:
+            log.left_out.add(what, "another one has the same stamp", place)
+    return scans, odometry

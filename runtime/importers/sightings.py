@@ -4,10 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from drivers.measurements import Scan, ScanLike, Sightings, uniform_bearings
+from drivers.measurements import FloatArray, Scan, ScanLike, Sightings, uniform_bearings
 from runtime.errors import DataSetError
 from runtime.importers.archive import Archive
+from runtime.importers.parsing.checks import BEAMS, WITHIN, number
 
+UNKNOWN = -1  # identity of what the sensor saw and could not name
 OTHER_ROBOTS = range(1, 6)  # MRCLAM: identities 1 to 5 are the other robots, which drive about
 
 
@@ -21,24 +23,54 @@ def seen(archive: Archive) -> Iterator[ScanLike]:
 
 
 def no_return_m(archive: Archive) -> float:
-    """Range from which on a value means that nothing came back."""
+    """Range from which on a value means that nothing came back. Raises DataSetError for a word that says none."""
     said = str(archive.meta.get("no_return", ""))
-    if said.startswith(">="):
-        return float(said.removeprefix(">=").removesuffix("m"))
-    return float(archive.meta["range_max"])
+    if not said.startswith(">="):
+        return float(archive.meta["range_max"])
+    try:
+        told_m = float(said.removeprefix(">=").strip().removesuffix("m"))
+    except ValueError as error:
+        raise DataSetError(f"{archive.path}: meta.no_return = {said!r}, expected such as '>=80 m'") from error
+    return number(archive.path, "no_return", told_m, *WITHIN["range_max"])
 
 
 def _scans(archive: Archive) -> Iterator[Scan]:
-    ranges, limit_m = archive["ranges"], no_return_m(archive)
-    bearings_rad = uniform_bearings(archive.meta["angle_min"], archive.meta["angle_increment"], ranges.shape[1])
-    for stamp_ns, row in zip(archive.stamps_ns("scan_t"), ranges, strict=True):
-        valid = (row > 0.0) & (row < np.float32(limit_m))  # false for NaN
-        yield Scan(stamp_ns, np.where(valid, row, np.float32(np.nan)), bearings_rad, range_max_m=limit_m)
+    """Scans with beams counter-clockwise, whichever way round the laser turned; each with its own if they vary."""
+    limit_m = no_return_m(archive)
+    with np.errstate(over="ignore"):  # what float32 cannot hold is infinitely far
+        ranges = archive["ranges"].astype(np.float32)
+    least_m, beam_period_s = (float(archive.meta.get(name, 0.0)) for name in ("range_min", "time_increment"))
+    firsts, steps, counts = _beams(archive)
+    bearings: dict[tuple[float, float, int], FloatArray] = {}
+    rows = zip(archive.stamps_ns("scan_t"), ranges, firsts, steps, counts, strict=True)
+    for stamp_ns, row, first_rad, step_rad, count in rows:
+        valid = (row > least_m) & (row < np.float32(limit_m))  # false for NaN
+        ranges_m = np.where(valid, row, np.float32(np.nan))[:count]
+        period_s = beam_period_s
+        if step_rad < 0.0:  # a clockwise laser: the same beams the other way round
+            first_rad, step_rad, ranges_m = first_rad + (count - 1) * step_rad, -step_rad, ranges_m[::-1].copy()
+            # a Scan cannot say that its last beam came first: all beams count as taken in the middle of the sweep
+            stamp_ns, period_s = stamp_ns + round(0.5 * (count - 1) * period_s * 1e9), 0.0
+        key = (first_rad, step_rad, count)
+        if key not in bearings:
+            bearings[key] = uniform_bearings(*key)
+        yield Scan(stamp_ns, ranges_m, bearings[key], period_s, range_max_m=limit_m)
+
+
+def _beams(archive: Archive) -> tuple[list[float], list[float], list[int]]:
+    """Bearing of the first beam rad, step rad and number of beams of each scan."""
+    count, width = archive["ranges"].shape
+    if BEAMS[0] in archive:
+        firsts, steps, counts = (archive[name].tolist() for name in BEAMS)
+        return firsts, steps, counts
+    meta = archive.meta
+    return [float(meta["angle_min"])] * count, [float(meta["angle_increment"])] * count, [width] * count
 
 
 def _sightings(archive: Archive) -> Iterator[Sightings]:
     """Observations of one instant are one value; those of other robots are left out: they are no landmarks."""
-    identities = archive["obs_id"].astype(np.int64)
+    known = "obs_id" in archive
+    identities = archive["obs_id"].astype(np.int64) if known else np.full(len(archive["obs_t"]), UNKNOWN)
     stamps_ns = np.array(archive.stamps_ns("obs_t"))
     kept = ~np.isin(identities, OTHER_ROBOTS)
     for stamp_ns in np.unique(stamps_ns[kept]):

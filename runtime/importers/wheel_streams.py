@@ -2,41 +2,92 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.measurements import OdometryPose, SpeedSteering, SpeedYawRate, WheelCounts, WheelSample
+from drivers.measurements import FloatArray, OdometryPose, SpeedSteering, SpeedYawRate, WheelCounts, WheelSample
+from drivers.settings.vehicle import VehicleSettings
 from runtime.errors import DataSetError
 from runtime.importers.archive import Archive
+from runtime.importers.parsing.checks import number
 from slam.pose import Pose2, wrap_rad
 
 COUNTS_PER_REV = 14_000  # sjursflat: the wheel angles in the file are multiples of 2 pi / 14000
 COMMAND_LAG_NS = 200_000_000  # mrclam logs commanded speeds: all three robots turn 0.2 s later (motion capture)
+SMALLEST_WHEEL_M = 0.001
+REST_EVERY_NS = 100_000_000  # often enough that no wait between two scans counts as silence of the wheels
 TURN_M_PER_RAD = 0.3  # sharing out a residual: a radian of turning weighs as much as 0.3 m of driving
 
 
-def wheel_samples(archive: Archive) -> list[WheelSample]:
-    """All samples in the order of their stamps. Raises DataSetError when the set has no odometry."""
+def motion_model(archive: Archive) -> str:
+    """What vehicle.motion_model must be for the odometry of a set. Raises DataSetError when it has none."""
     if "odom_t" not in archive:
+        if "scan_odom_pose" in archive and "scan_t" in archive:
+            return "pose"
         raise DataSetError(
-            f"{archive.path} has no odometry (no array odom_t); the estimator needs wheels, nothing was written"
+            f"{archive.path} has no odometry (no array odom_t, no scan_odom_pose); the estimator needs wheels: say "
+            "--at-rest if the sensor stood still all the time; nothing was written"
         )
-    if "odom_steer" in archive:
-        steering = archive["odom_steer_cal"] if "odom_steer_cal" in archive else archive["odom_steer"]
-        return _pairs(archive, archive["odom_v"], steering, SpeedSteering)
-    if "odom_w" in archive:
-        return _pairs(archive, archive["odom_v"], archive["odom_w"], SpeedYawRate, COMMAND_LAG_NS)
-    if "odom_ticks" in archive:
-        return _pairs(archive, archive["odom_ticks"][:, 0], archive["odom_ticks"][:, 1], WheelCounts)
-    if "odom_wheel" in archive:
-        counts_per_m = COUNTS_PER_REV / (2.0 * math.pi * archive.meta["vehicle"]["wheel_radius"])
-        counts = archive["odom_wheel"] * counts_per_m
-        return _pairs(archive, counts[:, 0], counts[:, 1], WheelCounts)
+    if "odom_v" in archive and "odom_steer" in archive:
+        return "steered"
+    if "odom_v" in archive and "odom_w" in archive:
+        return "speed_yaw_rate"
+    if "odom_ticks" in archive or "odom_wheel" in archive:
+        return "differential"
     if "odom_pose" in archive:
-        return list(_poses(archive))
-    raise DataSetError(f"{archive.path} has odometry of an unknown kind; known: steer, w, ticks, wheel, pose")
+        return "pose"
+    raise DataSetError(
+        f"{archive.path} has odometry of an unknown kind; known: odom_pose, odom_ticks, odom_wheel, odom_v with "
+        "odom_steer, odom_v with odom_w"
+    )
+
+
+def wheel_samples(archive: Archive, vehicle: VehicleSettings | None = None) -> list[WheelSample]:
+    """All samples in the order of their stamps.
+
+    vehicle: its wheels count where the set gives distances and no radius. Raises DataSetError when there is no
+    odometry.
+    """
+    match motion_model(archive):
+        case "steered":
+            steering = archive["odom_steer_cal"] if "odom_steer_cal" in archive else archive["odom_steer"]
+            return _pairs(archive, archive["odom_v"], steering, SpeedSteering)
+        case "speed_yaw_rate":
+            lag_ns = COMMAND_LAG_NS if archive.name.startswith("mrclam") else 0
+            return _pairs(archive, archive["odom_v"], archive["odom_w"], SpeedYawRate, lag_ns)
+        case "differential":
+            is_counted = "odom_ticks" in archive
+            counts = (
+                archive["odom_ticks"] if is_counted else archive["odom_wheel"] * _counts_per_metre(archive, vehicle)
+            )
+            return _pairs(archive, counts[:, 0], counts[:, 1], WheelCounts)
+        case _:
+            return list(_poses(archive))
+
+
+def samples_at_rest(stamps_ns: list[int], motion_model: str) -> list[WheelSample]:
+    """What the wheels of a vehicle would have said that stood still from the first stamp to the last."""
+    held: dict[str, Callable[[int], WheelSample]] = {
+        "differential": lambda stamp_ns: WheelCounts(stamp_ns, 0.0, 0.0),
+        "steered": lambda stamp_ns: SpeedSteering(stamp_ns, 0.0, 0.0),
+        "speed_yaw_rate": lambda stamp_ns: SpeedYawRate(stamp_ns, 0.0, 0.0),
+        "pose": lambda stamp_ns: OdometryPose(stamp_ns, 0.0, 0.0, 0.0),
+    }
+    return [held[motion_model](ns) for ns in sorted({*stamps_ns, *range(stamps_ns[0], stamps_ns[-1], REST_EVERY_NS)})]
+
+
+def _counts_per_metre(archive: Archive, vehicle: VehicleSettings | None) -> FloatArray:
+    """(2,) left and right: of the set's own wheels where it knows them, else of the configuration's."""
+    told = archive.meta.get("vehicle", {})
+    for name in ("wheel_radius", "wheel_radius_m"):
+        if isinstance(told, Mapping) and name in told:
+            radius_m = number(archive.path, f"vehicle.{name}", told[name], SMALLEST_WHEEL_M)
+            return np.full(2, COUNTS_PER_REV / (2.0 * math.pi * radius_m))
+    vehicle = vehicle if vehicle is not None else VehicleSettings()
+    radii_m = np.array([vehicle.wheel_radius_left_m, vehicle.wheel_radius_right_m])
+    return vehicle.counts_per_rev / (2.0 * math.pi * radii_m)
 
 
 def _pairs(
@@ -51,9 +102,11 @@ def _pairs(
 
 
 def _poses(archive: Archive) -> Sequence[OdometryPose]:
-    stamps_ns = archive.stamps_ns("odom_t")
-    poses = [Pose2(*row) for row in archive["odom_pose"].tolist()]
-    if "scan_odom_pose" not in archive or set(archive["scan_t"].tolist()) <= set(archive["odom_t"].tolist()):
+    own = "odom_t" in archive
+    stamps_ns = archive.stamps_ns("odom_t" if own else "scan_t")
+    poses = [Pose2(*row) for row in archive["odom_pose" if own else "scan_odom_pose"].tolist()]
+    is_known = own and {"scan_t", "scan_odom_pose"} <= archive.arrays.keys()
+    if not is_known or set(archive["scan_t"].tolist()) <= set(archive["odom_t"].tolist()):
         return [_sample(stamp_ns, pose) for stamp_ns, pose in zip(stamps_ns, poses, strict=True)]
     scan_poses = [Pose2(*row) for row in archive["scan_odom_pose"].tolist()]
     return agreeing_poses(stamps_ns, poses, archive.stamps_ns("scan_t"), scan_poses)

@@ -11,6 +11,7 @@ import numpy as np
 
 from runtime.errors import UsageError
 from runtime.fault_isolation import defects_line, step_or_predict
+from runtime.importers.mount import mount_of_import
 from runtime.messages.estimate import encode_estimate
 from runtime.messages.records import outcome_records
 from runtime.messages.tick import Record
@@ -169,7 +170,11 @@ def summarise_replay(
 
 def _configuration(reader: RunReader, run: Path, config: Path | None, overrides: Mapping[str, str]) -> Configuration:
     if config is not None:
-        return load_configuration(config, overrides)
+        configuration = load_configuration(config, overrides)
+        if not reader.header.is_import:
+            return configuration
+        recorded = load_configuration_text(reader.header.configuration_text, source=f"configuration of {run}")
+        return load_configuration(config, {**mount_of_import(recorded, configuration), **overrides})
     return load_configuration_text(reader.header.configuration_text, overrides, f"configuration of {run}")
 
 

@@ -1,8 +1,6 @@
 """Recorded data sets become runs: nothing lost, nothing invented, nothing written when something is missing."""
 
-import gzip
 import itertools
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -26,7 +24,6 @@ from drivers.measurements import (
 from runtime.errors import ConfigurationError, DataSetError, RunExistsError
 from runtime.evaluate.truth import DataSetTruth
 from runtime.importers.archive import load_archive
-from runtime.importers.carmen import load_carmen
 from runtime.importers.data_set import FAMILIES, import_data_set
 from runtime.importers.sightings import seen
 from runtime.importers.ticks import LONG_NS, ticks
@@ -36,29 +33,21 @@ from runtime.record.reader import RunReader
 from runtime.settings.configuration import load_configuration
 from runtime.source_tree import CONFIG
 from slam.pose import Pose2, wrap_rad
+from tests.support.runtime.data_sets import SCANS, write_set
 
-META = {"name": "victoria_park", "angle_min": -1.0, "angle_increment": 0.5, "range_max": 10.0}
-
-
-def write_set(folder: Path, arrays: dict[str, Any], meta: dict[str, Any] | None = None) -> Path:
-    folder.mkdir()
-    described: dict[str, Any] = {} if meta == {} else {"meta": np.array(json.dumps(META | (meta or {})))}
-    np.savez(folder / f"{folder.name}.npz", **(described | arrays))
-    return folder
-
-
-SCANS: dict[str, Any] = {
-    "scan_t": np.array([100.0, 100.2, 101.0]),
-    "ranges": np.array(
-        [[1.0, 2.0, 3.0, 4.0, 5.0], [0.0, -1.0, np.inf, np.nan, 10.0], [9.999, 10.1, 1.0, 1.0, 1.0]], np.float32
-    ),
-}
 STEERED: dict[str, Any] = {
     "odom_t": np.arange(99.95, 101.5, 0.05),
     "odom_v": np.full(31, 2.0),
     "odom_steer": np.full(31, 0.1),
     "odom_steer_cal": np.full(31, 0.2),
 }
+
+
+@pytest.fixture
+def steered(tmp_path: Path) -> Path:
+    path = tmp_path / "steered.toml"
+    path.write_text("[vehicle]\nmotion_model = 'steered'\nmax_speed_mps = 10.0\n")
+    return path
 
 
 def test_values_that_mean_no_return_become_nan_and_all_others_stay(tmp_path: Path) -> None:
@@ -81,9 +70,9 @@ def test_stamps_count_from_the_start_of_the_set(tmp_path: Path) -> None:
     assert archive.stamps_ns("scan_t") == [50_000_000, 250_000_000, 1_050_000_000]
 
 
-def test_an_import_holds_every_scan_and_every_wheel_sample(tmp_path: Path) -> None:
+def test_an_import_holds_every_scan_and_every_wheel_sample(tmp_path: Path, steered: Path) -> None:
     source = write_set(tmp_path / "a", SCANS | STEERED)
-    summary = import_data_set(source, tmp_path / "run", CONFIG / "carmen.toml")
+    summary = import_data_set(source, tmp_path / "run", steered)
     recorded = [again.tick for again in RunReader(tmp_path / "run").ticks()]
     assert [sample for tick in recorded for sample in tick.wheels] == wheel_samples(load_archive(source))
     assert [tick.scan.stamp_ns for tick in recorded if tick.scan] == [50_000_000, 250_000_000, 1_050_000_000]
@@ -247,73 +236,16 @@ def test_sightings_of_one_instant_are_one_value_without_other_robots(tmp_path: P
     assert isinstance(wheel_samples(archive)[0], SpeedYawRate)
 
 
-def test_truth_travels_inside_the_run(tmp_path: Path) -> None:
+def test_truth_travels_inside_the_run(tmp_path: Path, steered: Path) -> None:
     fixes = {"gt_t": np.array([99.95, 100.5]), "gt_xy": np.array([[1.0, 2.0], [3.0, 4.0]])}
     source = write_set(tmp_path / "a", SCANS | STEERED | fixes | {"gt_good": np.array([False, True])})
-    import_data_set(source, tmp_path / "run", CONFIG / "carmen.toml")
+    import_data_set(source, tmp_path / "run", steered)
     truth = DataSetTruth.from_attachments(RunReader(tmp_path / "run").attachments)
     assert truth is not None
     assert truth.fixes is not None
     np.testing.assert_allclose(truth.fixes, [[0.55, 3.0, 4.0]])
     assert truth.poses is None
     assert truth_of(load_archive(write_set(tmp_path / "b", SCANS | STEERED))) is None
-
-
-def carmen_line(t: float, ranges: list[float], laser: tuple[float, ...], robot: tuple[float, ...]) -> str:
-    words = [len(ranges), *ranges, *laser, *robot, t, "host", t]
-    return "FLASER " + " ".join(map(str, words)) + "\n"
-
-
-CARMEN = "# a comment\nPARAM robot_length 0.5\n" + "".join(
-    f"ODOM {0.1 * k} 0 0 0.5 0 0 {10 + 0.2 * k} host {10 + 0.2 * k}\n"
-    + (carmen_line(10.1 + 0.2 * k, [1.0, 2.0, 81.9, 3.0], (0.11 * k, 0, 0), (0.1 * k, 0, 0)) if k % 3 == 0 else "")
-    for k in range(10)
-)
-
-
-def test_a_carmen_log_is_imported(tmp_path: Path) -> None:
-    (tmp_path / "a.log").write_text(CARMEN)
-    summary = import_data_set(tmp_path / "a.log", tmp_path / "run")
-    assert (summary["scans"], summary["wheel_samples"]) == (4, 14)
-    scan = next(again.tick.scan for again in RunReader(tmp_path / "run").ticks() if again.tick.scan)
-    assert isinstance(scan, Scan)
-    np.testing.assert_array_equal(scan.ranges_m, np.array([1.0, 2.0, np.nan, 3.0], np.float32))
-    assert scan.bearings_rad[0] == -0.5 * math.pi
-    assert scan.bearings_rad[1] - scan.bearings_rad[0] == pytest.approx(math.pi / 4)
-    assert summary["truth"] is not None  # the laser moves away from the robot: a correction and no mount
-
-
-def test_a_compressed_log_with_a_constant_mount_has_no_truth(tmp_path: Path) -> None:
-    lines = [carmen_line(t, [1.0] * 5, (t + 0.2, 0, 0), (t, 0, 0)) for t in (1.0, 2.0, 3.0)]
-    (tmp_path / "a.log.gz").write_bytes(gzip.compress("".join(lines).encode()))
-    archive = load_carmen(tmp_path / "a.log.gz")
-    assert truth_of(archive) is None
-    assert len(wheel_samples(archive)) == 3  # the scans' own odometry, as the log has no other
-
-
-def test_the_other_laser_line_of_carmen_is_read(tmp_path: Path) -> None:
-    robot = "ROBOTLASER1 0 -1.5 3.0 1.0 30.0 0.01 0 4 1 2 30 4 0 0.3 0 0 0.1 0 0 0 0 0 0 0 5.0 host 5.0\n"
-    (tmp_path / "a.clf").write_text(robot)
-    archive = load_carmen(tmp_path / "a.clf")
-    scan = next(iter(seen(archive)))
-    assert np.isnan(scan.ranges_m).tolist() == [False, False, True, False]
-    np.testing.assert_allclose(scan.bearings_rad, [-1.5, -0.5, 0.5, 1.5])
-    assert archive["scan_odom_pose"].tolist() == [[0.1, 0.0, 0.0]]
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("ODOM 0 0 0 0 0 0 1 host 1\n", "holds no scan"),
-        ("FLASER 3 1 2\n", r"a\.log:1: FLASER line cannot be read"),
-        (carmen_line(1, [1.0] * 4, (0, 0, 0), (0, 0, 0)) + carmen_line(2, [1.0] * 6, (0, 0, 0), (0, 0, 0)), "a.log:2"),
-        ("ODOM 0 zero 0 0 0 0 1 host 1\n", r"a\.log:1: ODOM line"),
-    ],
-)
-def test_a_log_that_cannot_be_read_is_refused_with_its_line(tmp_path: Path, text: str, said: str) -> None:
-    (tmp_path / "a.log").write_text(text)
-    with pytest.raises(DataSetError, match=said):
-        import_data_set(tmp_path / "a.log", tmp_path / "run")
 
 
 KINDS = {
@@ -330,7 +262,7 @@ KINDS = {
 @pytest.mark.parametrize("name", ["minesparis_exp1", "sjursflat", "intel_lab", "mrclam_d6_r1"])
 def test_real_recordings_are_imported_whole(recorded_data: Callable[[str], Path], tmp_path: Path, name: str) -> None:
     source = recorded_data(name)
-    summary = import_data_set(source, tmp_path / "run", CONFIG / "carmen.toml")
+    summary = import_data_set(source, tmp_path / "run")
     recorded = [again.tick for again in RunReader(tmp_path / "run").ticks()]
     scans = [tick for tick in recorded if tick.scan is not None]
     samples = [sample for tick in recorded for sample in tick.wheels]

@@ -1,0 +1,138 @@
+"""One line of a CARMEN log to its numbers: ODOM, FLASER, ROBOTLASER1 and the PARAMs that say where the laser looks.
+
+ODOM x y theta tv rv accel time host logger_time; FLASER n ranges x y theta odom_x odom_y odom_theta time host
+logger_time; ROBOTLASER1 type start fov resolution range_max accuracy mode n ranges m remissions, laser pose, robot
+pose, tv rv and three safety numbers, time host logger_time; PARAM name value time host logger_time.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from runtime.errors import DataSetError
+
+HALF_TURN_RAD = math.pi
+TURN_RAD = 2.0 * math.pi
+NARROW_SICK = (101, 201, 401)  # numbers of beams that a SICK sends over 100 deg
+WIDE_SICK = 361  # with more than these over 180 deg it is another laser, and only a PARAM can say how far it sees
+AGREES = 0.02  # a resolution and a field of view belong together when they agree so well
+COARSE_RAD = 0.1  # a resolution of more than this is one in degrees
+FOV, RESOLUTION = "laser_front_laser_fov", "laser_front_laser_resolution"
+MOUNT = {
+    "robot_frontlaser_offset": "laser_x",
+    "robot_frontlaser_side_offset": "laser_y",
+    "robot_frontlaser_angular_offset": "laser_yaw",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LaserLine:
+    """One scan. start_rad, step_rad: None where the line does not say (FLASER). Poses: x m, y m, heading rad."""
+
+    stamp_s: float
+    ranges_m: list[float]
+    laser_pose: list[float]
+    robot_pose: list[float]
+    start_rad: float | None = None
+    step_rad: float | None = None
+    range_max_m: float | None = None
+
+
+def odometry_line(words: list[str]) -> tuple[float, list[float]]:
+    """Stamp and pose of an ODOM line. Raises ValueError with the reason."""
+    if len(words) < 5:
+        raise ValueError("the line ends early")
+    stamp_s, *pose = _numbers([words[-1], *words[1:4]])
+    return stamp_s, pose
+
+
+def front_laser_line(words: list[str]) -> LaserLine:
+    """A FLASER line. Raises ValueError with the reason."""
+    beams, rest = _beams(words, 1)
+    stamp_s, *poses = _numbers([rest[-1], *rest[:6]])
+    return LaserLine(stamp_s, [float(word) for word in words[2 : 2 + beams]], poses[:3], poses[3:])
+
+
+def robot_laser_line(words: list[str]) -> LaserLine:
+    """A ROBOTLASER1 line. Raises ValueError with the reason."""
+    beams, rest = _beams(words, 8)
+    start_rad, step_rad, range_max_m = _numbers([words[2], words[4], words[5]])
+    if step_rad == 0.0 and beams > 1:
+        raise ValueError("its angular resolution is 0")
+    remissions = int(rest[0])
+    if remissions < 0 or len(rest) < 1 + remissions + 7:
+        raise ValueError("the line ends early")
+    rest = rest[1 + remissions :]
+    stamp_s, *poses = _numbers([rest[-1], *rest[:6]])
+    ranges_m = [float(word) for word in words[9 : 9 + beams]]
+    return LaserLine(stamp_s, ranges_m, poses[:3], poses[3:], start_rad, step_rad, range_max_m)
+
+
+def angles(line: LaserLine, told: Mapping[str, float]) -> tuple[float, float]:
+    """(bearing of the first beam, step) rad: what the line says, else what the log's PARAMs say, else those of a SICK.
+
+    180 beams end one step short of +90 deg, 181 at it.
+    """
+    beams = len(line.ranges_m)
+    if line.start_rad is not None and line.step_rad is not None:
+        return line.start_rad, line.step_rad
+    if beams == 1:
+        return 0.0, 0.0
+    usual_rad = math.radians(100.0) if beams in NARROW_SICK else HALF_TURN_RAD
+    spans = beams if beams % 2 == 0 else beams - 1
+    said = told.get(RESOLUTION)
+    step_rad = None if said is None else _radians(said, COARSE_RAD)
+    fov_rad = _radians(told[FOV], TURN_RAD) if FOV in told else None
+    if fov_rad is None:
+        fov_rad = usual_rad if step_rad is None else step_rad * spans
+    fitting = [n for n in (spans, beams - 1, beams) if step_rad and abs(step_rad * n / fov_rad - 1.0) < AGREES]
+    return -0.5 * fov_rad, fov_rad / (fitting[0] if fitting else spans)
+
+
+def is_guessed(line: LaserLine, told: Mapping[str, float]) -> bool:
+    """Whether nobody says over which angle so many beams are spread."""
+    beams = len(line.ranges_m)
+    return line.start_rad is None and beams > WIDE_SICK and beams not in NARROW_SICK and not {FOV, RESOLUTION} & {*told}
+
+
+def parameter(words: list[str], told: dict[str, float]) -> None:
+    """Keep a PARAM that says how the laser is mounted or how it looks. Raises ValueError with the reason."""
+    if len(words) > 2 and words[1] in (FOV, RESOLUTION, *MOUNT):
+        (told[words[1]],) = _numbers(words[2:3])
+        if words[1] in (FOV, RESOLUTION) and told[words[1]] <= 0.0:
+            del told[words[1]]
+            raise ValueError(f"{words[1]} = {words[2]}, expected a positive angle")
+
+
+def mount_of(told: Mapping[str, float], source: object) -> dict[str, Any]:
+    """The laser's place as a data set's `vehicle` gives it. Raises DataSetError for one that no vehicle has."""
+    found = {name: told[key] for key, name in MOUNT.items() if told.get(key)}
+    if any(abs(value) > 20.0 for value in found.values()):
+        raise DataSetError(f"{source}: its PARAM lines put the laser at {found}; expected metres and radians")
+    return found
+
+
+def _beams(words: list[str], place: int) -> tuple[int, list[str]]:
+    """Number of beams, and the words behind them. Raises ValueError where there are none or the line is torn."""
+    beams = int(words[place])
+    if beams < 1:
+        raise ValueError(f"it has {beams} beams")
+    rest = words[place + 1 + beams :]
+    if len(rest) < 7:
+        raise ValueError("the line ends early")
+    return beams, rest
+
+
+def _numbers(words: list[str]) -> list[float]:
+    """Finite numbers. Raises ValueError with the word that is none."""
+    numbers = [float(word) for word in words]
+    for word, number in zip(words, numbers, strict=True):
+        if not math.isfinite(number):
+            raise ValueError(f"{word} is no number")
+    return numbers
+
+
+def _radians(value: float, largest_rad: float) -> float:
+    """An angle that some write in degrees."""
+    return math.radians(value) if value > largest_rad * (1.0 + AGREES) else value

@@ -1,0 +1,57 @@
+"""Lines of a text log, also compressed by gzip: as many as can be read, and in words what was wrong at the end."""
+
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+GZIP = b"\x1f\x8b"
+BLOCK_BYTES = 1 << 16
+LINE_BYTES = 1 << 24  # a scan of 10000 beams has 100 kB; what is longer is no line of a log
+
+
+class TextLines:
+    """Iterates over (number, line, is_whole) of a file. Every byte is a character (Latin-1), so comments in any
+    encoding pass. is_whole: False for a last line without its line feed. damage: known at the end, "" where all of the
+    file could be read. Raises OSError.
+    """
+
+    def __init__(self, source: Path) -> None:
+        self.source = source
+        self.damage = ""
+
+    def __iter__(self) -> Iterator[tuple[int, str, bool]]:
+        number, pending = 0, b""
+        for block in self._blocks():
+            *lines, pending = (pending + block).split(b"\n")
+            for line in lines:
+                number += 1
+                yield number, line.decode("latin-1"), True
+            if len(pending) > LINE_BYTES:
+                self.damage = f"line {number + 1} does not end"
+                return
+        if pending:
+            yield number + 1, pending.decode("latin-1"), False
+
+    def _blocks(self) -> Iterator[bytes]:
+        with self.source.open("rb") as stream:
+            head = stream.read(len(GZIP))
+            stream.seek(0)
+            blocks = iter(lambda: stream.read(BLOCK_BYTES), b"")
+            yield from self._inflated(blocks) if head == GZIP else blocks
+
+    def _inflated(self, blocks: Iterator[bytes]) -> Iterator[bytes]:
+        """What comes out of one gzip member or several behind each other, up to where they are damaged."""
+        inflater, fresh = zlib.decompressobj(31), True
+        for block in blocks:
+            rest = block
+            while rest.strip(b"\0") if fresh else rest:  # members may be padded by zeros
+                try:
+                    yield inflater.decompress(rest)
+                except zlib.error as error:
+                    self.damage = f"the compressed data are damaged ({error})"
+                    return
+                rest, fresh = inflater.unused_data, inflater.eof
+                if inflater.eof:
+                    inflater = zlib.decompressobj(31)
+        if not fresh:
+            self.damage = "the compressed file ends early"

@@ -1,0 +1,53 @@
+"""Lines of a log come out whole, whatever was done to the file's end."""
+
+import gzip
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime.importers.parsing.text_lines import TextLines
+
+
+def read(path: Path, data: bytes) -> tuple[list[tuple[int, str, bool]], str]:
+    path.write_bytes(data)
+    lines = TextLines(path)
+    return list(lines), lines.damage
+
+
+def test_a_plain_file_and_a_compressed_one_hold_the_same(tmp_path: Path) -> None:
+    text = b"one\ntw\xf6\nthree"
+    wanted = [(1, "one", True), (2, "tw\u00f6", True), (3, "three", False)]
+    assert read(tmp_path / "a", text) == (wanted, "")
+    assert read(tmp_path / "a", gzip.compress(text)) == (wanted, "")
+
+
+def test_members_behind_each_other_are_one_text(tmp_path: Path) -> None:
+    packed = gzip.compress(b"one\nt") + gzip.compress(b"wo\n") + b"\0" * 512
+    assert read(tmp_path / "a", packed) == ([(1, "one", True), (2, "two", True)], "")
+
+
+@pytest.mark.parametrize("empty", [b"", gzip.compress(b"")])
+def test_an_empty_file_has_no_line(tmp_path: Path, empty: bytes) -> None:
+    assert read(tmp_path / "a", empty) == ([], "")
+
+
+@given(st.data())
+def test_a_part_of_a_compressed_file_gives_the_head_of_its_text(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    text = b"".join(b"%d\n" % (k * k * 7919) for k in range(20_000))
+    packed = gzip.compress(text)
+    kept = data.draw(st.integers(2, len(packed) - 1))
+    lines, damage = read(tmp_path_factory.getbasetemp() / "part.gz", packed[:kept])
+    assert damage
+    assert text.startswith("".join(line + "\n" * is_whole for _, line, is_whole in lines).encode())
+
+
+def test_a_damaged_middle_ends_the_text_there(tmp_path: Path) -> None:
+    packed = bytearray(gzip.compress(b"".join(b"%d\n" % (k * k) for k in range(50_000))))
+    packed[len(packed) // 2] ^= 0xFF
+    lines, damage = read(tmp_path / "a", bytes(packed))
+    assert "damaged" in damage
+    assert 0 < len(lines) < 50_000 or "incorrect data check" in damage
