@@ -43,7 +43,7 @@ def paper(
     ),
     particles: Annotated[int, typer.Option("--particles", min=1, max=10_000, help="particles of every arm")] = 30,
     repeats: Annotated[
-        int, typer.Option("--repeats", min=1, max=1000, help="places: drives that each leave 5 % of the scans out")
+        int, typer.Option("--repeats", min=0, max=1000, help="places: drives that each leave 5 % of the scans out")
     ] = 20,
     sets: Annotated[list[str] | None, typer.Option("--sets", metavar="SET...", help="places: only these")] = None,
     data: Annotated[

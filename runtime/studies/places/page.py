@@ -49,12 +49,16 @@ DROPPED_COLUMNS = {"landmarks": "landmarks", "step_ms": "mean step, ms", "step_m
 
 def page_lines(outcomes: Outcomes, asked: Sequence[Row], repeats: int) -> list[str]:
     """The whole page."""
+    spread_words = (
+        "A figure is that of the whole recording; behind it, in brackets, the 95 % bootstrap interval of the mean over",
+        f"{repeats} drives that each leave 5 % of the scans out, and the largest of them. Of a simulated place it is",
+        "the mean over as many seeds with its interval, and the largest.",
+    )
     return [
         "# Every place",
         "",
-        f"`infant paper places --repeats {repeats}`. A figure is that of the whole recording; behind it, in brackets,",
-        f"the 95 % bootstrap interval of the mean over {repeats} drives that each leave 5 % of the scans out, and the",
-        "largest of them. Of a simulated place it is the mean over as many seeds with its interval, and the largest.",
+        f"`infant paper places --repeats {repeats}`, each drive with the method and the files as they are.",
+        *(spread_words if repeats else ()),
         "",
         *_table("What was asked", [_asked(row) for row in asked]),
         *_table("Recordings with a truth", _truth_rows(outcomes)),

@@ -57,6 +57,11 @@ class PlacesStudy:
     places: tuple[str, ...] | None = None
     length: float = 1.0
 
+    @property
+    def seeds(self) -> int:
+        """Of a simulated place, which has no drive but those."""
+        return max(1, self.repeats)
+
     def chosen(self) -> list[str]:
         """Recordings first. Raises UsageError for a name that is none."""
         known = [*recordings(self.data), *BUILDINGS, DROPPED]
@@ -119,14 +124,14 @@ def _jobs(study: PlacesStudy, place: str) -> list[tuple[Key, bool, Job]]:
         common: dict[str, Any] = {"rate_hz": BUILDINGS[place], "beam_count": BEAMS, "slam": {}, "code": code}
         common["laps"] = 1.1 * study.length
         return [
-            ((place, SIMULATED), False, Job(building_drive, {**common, "seed": seed})) for seed in range(study.repeats)
+            ((place, SIMULATED), False, Job(building_drive, {**common, "seed": seed})) for seed in range(study.seeds)
         ]
     if place == DROPPED:
         return [
             ((where, dropped(share)), False, Job(drop_out_drive, arguments))
             for where in (PARK, CORRIDOR)
             for share in (0.0, *SHARES)
-            for seed in range(study.repeats)
+            for seed in range(study.seeds)
             for arguments in ({"where": where, "share": share, "seed": seed, "code": code, "length": study.length},)
         ]
     archive = archive_of(study.data, place)
