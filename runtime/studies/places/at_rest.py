@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.measurements import FloatArray, Scan, WheelCounts
+from drivers.measurements import FloatArray, Scan
 from runtime.importers.sightings import seen
 from runtime.importers.ticks import ticks
+from runtime.importers.wheel_streams import samples_at_rest
 from runtime.studies.jobs import Result
 from runtime.studies.paper.drives.recorded_drive import thinned
 from runtime.studies.places.recorded_place import LEAVING_STREAM
@@ -15,7 +16,7 @@ from slam.estimate import Estimate, Quality
 from slam.estimator import Estimator
 from slam.settings.slam import SlamSettings
 
-WHEEL_PERIOD_NS = 20_000_000
+MODEL, WHEEL_PERIOD_NS = "differential", 20_000_000
 BESIDE_M = 0.3  # a trunk's centre lies that far behind its skin
 STILL_SHARE = 0.5  # what stands is seen by a beam in half of the scans at least
 
@@ -37,11 +38,11 @@ def place_at_rest(
     background = standing_points(scans)
     kept = list(thinned(scans, left_out, np.random.default_rng([seed, LEAVING_STREAM])))
     stamps = range(kept[0].stamp_ns, kept[-1].stamp_ns + 1, WHEEL_PERIOD_NS)
-    wheels = [WheelCounts(stamp_ns, 0.0, 0.0) for stamp_ns in stamps]
+    wheels = samples_at_rest(list(stamps), MODEL)
     estimator = Estimator(SlamSettings(), 1, map_every=1)
     ever: dict[int, FloatArray] = {}
     estimates: list[Estimate] = []
-    for tick in ticks(kept, list(wheels), 5 * WHEEL_PERIOD_NS):
+    for tick in ticks(kept, wheels, 5 * WHEEL_PERIOD_NS):
         estimate = estimator.step(tick.stamp_ns, tick.scan, tick.wheels)
         if (landmarks := estimate.landmarks) is not None:
             ever |= dict(zip(landmarks.identities.tolist(), landmarks.means_m, strict=True))

@@ -14,7 +14,7 @@ from runtime.studies.jobs import Result
 from runtime.studies.paper.drives.recorded_drive import thinned
 from runtime.studies.places.drive import driven
 from runtime.studies.places.figures import occupied_cells, truth_figures
-from runtime.studies.places.recordings import archive_of, configured
+from runtime.studies.places.recordings import archive_of, prepared
 from slam.estimate import Quality
 from slam.estimator import Estimator
 
@@ -35,11 +35,11 @@ def recorded_place(
     Where nothing is known of the truth, the occupied cells of the map say how crisp it is. Raises DataSetError,
     ConfigurationError.
     """
-    archive, configuration = configured(archive_of(Path(data), name), own)
+    archive, configuration = prepared(archive_of(Path(data), name), own)
     mount = configuration.slam.mount
     body_from_laser = (mount.x_m, mount.y_m, mount.yaw_rad)
     scans = list(thinned(seen(archive), left_out, np.random.default_rng([seed, LEAVING_STREAM])))
-    wheels = wheel_samples(archive)
+    wheels = wheel_samples(archive, configuration.vehicle)
     spacing_ns = SLOW_SPACING_NS if isinstance(wheels[0], OdometryPose) else FAST_SPACING_NS
     drive = driven(Estimator(configuration.slam, configuration.seed), ticks(scans, wheels, spacing_ns))
     result: Result = {

@@ -12,14 +12,14 @@ import numpy as np
 
 from runtime.errors import DataSetError
 from runtime.importers.archive import Archive, load_archive
-from runtime.importers.data_set import configuration_path
-from runtime.settings.configuration import Configuration, load_configuration, load_configuration_text
+from runtime.importers.data_set import NEAREST, configuration_path, configured
+from runtime.importers.wheel_streams import motion_model
+from runtime.settings.configuration import Configuration, load_configuration_text
 from runtime.settings.data_set import DataSetSettings
 from runtime.source_tree import CONFIG
 
-GEOMETRY = ("vehicle", "slam.mount", "slam.front_end.kind", "slam.association.strategy")
+GEOMETRY = ("vehicle", "slam.front_end.kind", "slam.association.strategy")
 """What a data sheet says: wheels and mount, and that a camera gives identities. All else is a default."""
-NEAREST = CONFIG / "carmen.toml"  # of a set whose odometry comes as poses and that has no file of its own
 SEEN = ("scan_t", "obs_t")
 
 
@@ -35,28 +35,24 @@ def archive_of(data: Path, name: str) -> Archive:
 
 def stands_still(archive: Archive) -> bool:
     """Whether its sensor stood still: then it has no odometry."""
-    return "odom_t" not in archive
+    return not {"odom_t", "scan_odom_pose"} & archive.arrays.keys()
 
 
-def configured(archive: Archive, own: bool) -> tuple[Archive, Configuration]:
+def prepared(archive: Archive, own: bool) -> tuple[Archive, Configuration]:
     """The archive with its latency, and its own file's configuration or the defaults with its geometry.
 
-    The mount of the set's description counts where the file says nothing of it. Raises ConfigurationError.
+    A set without a file takes the one for its kind of odometry. Raises ConfigurationError, DataSetError.
     """
     try:
         path = configuration_path(archive)
     except DataSetError:
-        path = NEAREST
-    tree = tomllib.loads(path.read_text(encoding="utf-8"))
-    described = {**archive.meta.get("geometry", {}), **archive.meta.get("vehicle", {})}
-    overrides = {}
-    if "laser_x" in described and _at(tree, "slam.mount") is None:
-        overrides["slam.mount.x_m"] = json.dumps(described["laser_x"])
-    if own:
-        configuration = load_configuration(path, overrides)
-    else:
-        for key in GEOMETRY:
-            overrides |= {name: json.dumps(value) for name, value in _leaves(key, _at(tree, key))}
+        path = CONFIG / NEAREST[motion_model(archive)]
+    configuration, _ = configured(archive, path)
+    if not own:
+        tree = tomllib.loads(path.read_text(encoding="utf-8"))
+        known = [leaf for key in GEOMETRY for leaf in _leaves(key, _at(tree, key))]
+        known += _leaves("slam.mount", configuration.slam.mount.model_dump())
+        overrides = {key: json.dumps(value) for key, value in known}
         configuration = load_configuration_text('rover = "defaults"\n', overrides, "defaults", recorded=False)
     latency_s = (configuration.data_set or DataSetSettings()).laser_latency_s
     return replace(archive, laser_latency_s=latency_s), configuration

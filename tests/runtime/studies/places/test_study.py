@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 from runtime.cli.__main__ import app
 from runtime.errors import UsageError
-from runtime.studies.places.recordings import archive_of, configured, recordings
+from runtime.studies.places.recordings import archive_of, prepared, recordings
 from runtime.studies.places.study import PlacesStudy, run_places
 from tests.support.runtime.made_recording import make_recording, make_standing_recording
 
@@ -64,8 +64,8 @@ def test_recordings_are_what_holds_scans_and_a_name_that_is_none_is_refused_with
 
 def test_the_defaults_keep_of_a_file_its_geometry_only(data: Path) -> None:
     archive = archive_of(data, "tiny_hall")
-    _, own = configured(archive, own=True)
-    _, defaults = configured(archive, own=False)
+    _, own = prepared(archive, own=True)
+    _, defaults = prepared(archive, own=False)
     assert own.slam.mount.x_m == defaults.slam.mount.x_m == 0.3
     assert own.slam.odometry.model == defaults.slam.odometry.model
     assert set(defaults.model_fields_set) <= {"rover", "vehicle", "slam"}
