@@ -3,7 +3,7 @@
 Stamps are integers of host monotonic nanoseconds. Arrays are read-only.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Protocol
 
@@ -47,8 +47,8 @@ class Scan:
     stamp_ns: time at which beam `stamp_beam` was measured.
     ranges_m: (N,) float32; NaN where nothing valid came back.
     bearings_rad: (N,) float64, counter-clockwise, 0 straight ahead.
-    beam_period_s: time from one beam to the next (0: all at once); beam k was taken at
-        stamp + (k - stamp_beam) * beam_period_s.
+    beam_period_s: time from one beam to the next (0: all at once; negative: the last beam comes first); beam k was
+        taken at stamp + (k - stamp_beam) * beam_period_s.
     """
 
     stamp_ns: int
@@ -63,6 +63,17 @@ class Scan:
             raise ValueError(f"{self.ranges_m.shape=} but {self.bearings_rad.shape=}")
         self.ranges_m.setflags(write=False)
         self.bearings_rad.setflags(write=False)
+
+    def mirrored(self) -> "Scan":
+        """Left and right exchanged: a laser that hangs upside down as if it stood. Beams stay counter-clockwise."""
+        return Scan(
+            self.stamp_ns,
+            self.ranges_m[::-1].copy(),
+            -self.bearings_rad[::-1].copy(),
+            -self.beam_period_s,
+            self.ranges_m.size - 1 - self.stamp_beam,
+            self.range_max_m,
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +94,10 @@ class Sightings:
             if array.shape != self.ranges_m.shape or array.ndim != 1:
                 raise ValueError(f"{array.shape=} but {self.ranges_m.shape=}")
             array.setflags(write=False)
+
+    def mirrored(self) -> "Sightings":
+        """Left and right exchanged, as for a Scan."""
+        return replace(self, bearings_rad=-self.bearings_rad)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,10 +1,10 @@
 """The one value through which everything that is not deterministic enters the estimator."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from drivers.measurements import Event, ScanLike, WheelSample
-from slam.estimate import Estimate
+from slam.estimate import AHEAD_NS, Estimate
 from slam.pose import Pose2
 
 
@@ -20,6 +20,14 @@ class Tick:
     scan: ScanLike | None
     wheels: tuple[WheelSample, ...]
     events: tuple[Event, ...] = ()
+
+
+def of_its_time(tick: Tick) -> Tick:
+    """The tick without what is stamped from after it, which the estimator refuses as well."""
+    latest_ns = tick.stamp_ns + AHEAD_NS
+    wheels = tuple(sample for sample in tick.wheels if sample.stamp_ns <= latest_ns)
+    scan = tick.scan if tick.scan is None or tick.scan.stamp_ns <= latest_ns else None
+    return replace(tick, scan=scan, wheels=wheels)
 
 
 @dataclass(frozen=True, slots=True)

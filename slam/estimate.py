@@ -10,6 +10,9 @@ from drivers.measurements import FloatArray, IntArray
 from slam.observations import Features
 from slam.pose import Pose2
 
+AHEAD_NS = 1_000_000_000
+"""What is stamped later than its tick by more than this was not measured then; a loop wakes up sooner."""
+
 
 class Quality(StrEnum):
     """Whether the pose can be believed."""
@@ -43,7 +46,8 @@ class Estimate:
     odom_from_body: dead reckoning alone since the start.
     particles (M, 3) poses and particle_weights (M,): None on a tick without a scan.
     features, matches (K,): features of the scan and what became of each (identity, or a MatchVerdict).
-    beam_verdicts (N,) uint8 of BeamVerdict, None without a scan.
+    beam_verdicts (N,) uint8 of BeamVerdict, None without a scan. They and `features` are of the upright scan
+        (MountSettings.upright).
     landmarks: filled on every tenth scan (Estimator's map_every), else None.
     counts: figures of this tick by name ("landmarks", "matched", "created", "removed", "likelihoods",
         "effective_particles", ...).

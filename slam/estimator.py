@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray, ScanLike, WheelSample
-from slam.estimate import Estimate
+from slam.estimate import AHEAD_NS, Estimate
 from slam.front_end.alignment import Alignment
 from slam.front_end.deskew import Twist, with_motion_noise
 from slam.front_end.front_ends import make_front_end
@@ -65,16 +65,19 @@ class Estimator:
         self._joint = JointGaussian(settings.joint, self._body_from_laser, settings.tuning())
         self._quality = QualityMonitor(settings.quality)
         self._scan_ns: int | None = None
-        self._refused_scans = 0
+        self._tick_ns: int | None = None
+        self._refused_scans = self._scans_ahead = 0
         self._not_finite = 0
         self._hash = bytes(16)
 
     def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
         """The estimate at stamp_ns from everything up to then; without a scan a prediction from the wheels."""
-        self._odometry.add(wheels)
-        if scan is None or not self._is_new(scan):
+        self._follow_clock(stamp_ns)
+        self._odometry.add(wheels, stamp_ns + AHEAD_NS)
+        if scan is None or not self._is_new(scan, stamp_ns):
             return self._prediction(stamp_ns)
         increment = self._odometry.take_until(scan.stamp_ns)
+        scan = self._settings.mount.upright(scan)
         if self._scan_ns is None:
             increment = replace(increment, covariance=np.zeros((3, 3)))  # the map begins here, wherever that is
         self._scan_ns = scan.stamp_ns
@@ -150,8 +153,22 @@ class Estimator:
             blind = Confidence(self._quality.settled_before, lost=True)
             self._joint.step(increment.mean, increment.covariance, NO_FEATURES, NO_FEATURES.identities, BLIND, blind)
 
-    def _is_new(self, scan: ScanLike) -> bool:
-        """False for a scan whose time stands still or runs backwards: ignored and counted."""
+    def _follow_clock(self, stamp_ns: int) -> None:
+        """Where the clock of the ticks was set back, stamps of before are no measure for those that come."""
+        if self._tick_ns is not None and stamp_ns < self._tick_ns - AHEAD_NS:
+            self._odometry.begin_anew()
+            if self._scan_ns is not None:
+                self._scan_ns = stamp_ns - AHEAD_NS
+        self._tick_ns = stamp_ns
+
+    def _is_new(self, scan: ScanLike, stamp_ns: int) -> bool:
+        """False for a scan whose time stands still or runs backwards, and for one from after its tick: counted.
+
+        Believed once, a stamp far ahead would make every later scan an old one.
+        """
+        if scan.stamp_ns > stamp_ns + AHEAD_NS:
+            self._scans_ahead += 1
+            return False
         if self._scan_ns is not None and scan.stamp_ns <= self._scan_ns:
             self._refused_scans += 1
             return False
@@ -187,6 +204,7 @@ class Estimator:
         return refused | {
             "landmarks": float(self._particles.store.count_of(self._particles.best)),
             "scan_stamps_refused": float(self._refused_scans),
+            **({"scan_stamps_ahead_refused": float(self._scans_ahead)} if self._scans_ahead else {}),
             "not_finite": float(self._not_finite),
         }
 

@@ -20,7 +20,7 @@ from runtime.messages.tick import Record
 from runtime.service.memory import resident_mb
 from runtime.settings.review import ReviewSettings
 from runtime.tick import CompletedTick, SinkHealth
-from slam.pose import Pose2
+from slam.settings.slam import MountSettings
 
 QUEUE = 4000  # records that may wait for the drawing process; 40 s at 100 records/s
 WRITE_S = 2.0
@@ -33,18 +33,18 @@ RENEW_MB = 400.0  # the library holds on to 3.7 MB for each minute that it draws
 class ReviewProcess:
     """Draws a run while it is recorded: it observes the recorder, and is a Sink for its health.
 
-    path: review.rrd; body_from_laser: the laser's mount. Neither feed nor put ever blocks or raises.
+    path: review.rrd; mount: of the laser. Neither feed nor put ever blocks or raises.
     """
 
     def __init__(
         self,
         path: Path,
         settings: ReviewSettings,
-        body_from_laser: Pose2 | None = None,
+        mount: MountSettings | None = None,
         facts: dict[str, str] | None = None,
     ) -> None:
-        mount = (body_from_laser or Pose2()).as_array().tolist()
-        what = json.dumps({"settings": settings.model_dump(), "mount": mount, "facts": facts or {}})
+        given = {"settings": settings.model_dump(), "mount": (mount or MountSettings()).model_dump()}
+        what = json.dumps(given | {"facts": facts or {}})
         self._limit = QUEUE
         self._queue: queue.SimpleQueue[Record | None] = queue.SimpleQueue()
         self._dropped = 0

@@ -109,7 +109,7 @@ def _made_parts(
         made.callback(rover.close)
         laser, encoders = rover.laser, rover.encoders
     if configuration.review.live:
-        drawing = ReviewProcess(folder.review_path, configuration.review, configuration.slam.mount.as_pose())
+        drawing = ReviewProcess(folder.review_path, configuration.review, configuration.slam.mount)
         made.callback(drawing.close)
     threads = ThreadWatch(clock.now_ns)
     header = RunHeader.of_live_run(configuration.text, installed_versions())

@@ -17,8 +17,10 @@ from runtime.record.trajectories import Trajectories, with_estimates
 from runtime.report.device_clock import DeviceClockReader
 from runtime.report.facts import QUALITIES, RunFacts, ScanColumns, TickColumns, WheelColumns
 from runtime.settings.configuration import Configuration, load_configuration_text
+from runtime.tick import of_its_time
 from slam.estimate import Estimate, LandmarkMap
 from slam.observations import BeamVerdict
+from slam.settings.slam import MountSettings
 
 REST_SCANS = 20  # the first scans, all of them: they stand still and show the range noise
 SCAN_APART_NS = 240_000_000  # then one in 0.25 s suffices for matching and costs a third
@@ -34,7 +36,7 @@ def gather(run: Path) -> RunFacts:
     inputs = RunReader(run)
     reader = with_estimates(inputs)
     configuration = load_configuration_text(reader.header.configuration_text, source=f"configuration of {run}")
-    pass_ = Gathering()
+    pass_ = Gathering(configuration.slam.mount)
     for recorded in reader.ticks():
         pass_.take(recorded)
     if not pass_.rows:
@@ -52,7 +54,8 @@ def gather(run: Path) -> RunFacts:
 class Gathering:
     """Rows that grow tick by tick; only numbers stay, and some scans."""
 
-    def __init__(self) -> None:
+    def __init__(self, mount: MountSettings) -> None:
+        self._mount = mount
         self.rows: list[tuple[float, ...]] = []
         self.ticks = 0
         self._counts: list[dict[str, float]] = []
@@ -69,7 +72,7 @@ class Gathering:
 
     def take(self, recorded: RecordedTick) -> None:
         """One tick; those without an estimate count with their inputs only."""
-        tick, estimate, timing, truth = recorded.tick, recorded.estimate, recorded.timing, recorded.truth
+        tick, estimate, timing, truth = of_its_time(recorded.tick), recorded.estimate, recorded.timing, recorded.truth
         self.ticks += 1
         if self._origin_ns is None:
             self._origin_ns = tick.stamp_ns
@@ -157,6 +160,7 @@ class Gathering:
         moved = near = returned = math.nan
         stamp_ns = getattr(scan, "stamp_ns", beat_ns)
         if isinstance(scan, Scan):
+            scan = self._mount.upright(scan)
             back = np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.range_max_m)
             returned = float(back.mean())
             if estimate is not None and estimate.beam_verdicts is not None:

@@ -12,7 +12,7 @@ from runtime.errors import UsageError
 from runtime.messages.pipe import CARRIED, read_frames
 from runtime.optional_packages import needs
 from runtime.settings.review import ReviewSettings
-from slam.pose import Pose2
+from slam.settings.slam import MountSettings
 
 NICENESS = 10
 
@@ -25,7 +25,7 @@ def draw_from(stream: IO[bytes], path: Path, what: str) -> None:
     with needs("rerun", "the picture of a run"):
         from runtime.review.writer import ReviewWriter
     given = json.loads(what)
-    writer = ReviewWriter(path, ReviewSettings(**given["settings"]), Pose2(*given["mount"]), given["facts"])
+    writer = ReviewWriter(path, ReviewSettings(**given["settings"]), MountSettings(**given["mount"]), given["facts"])
     is_renewed = False
     for record in read_frames(stream):
         if record.topic == CARRIED and not record.data:

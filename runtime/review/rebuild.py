@@ -41,7 +41,7 @@ def build_review(
     given = settings or configuration.review
     try:
         with replacement(out_rrd) as unfinished:
-            writer = ReviewWriter(unfinished, given, configuration.slam.mount.as_pose(), facts, track)
+            writer = ReviewWriter(unfinished, given, configuration.slam.mount, facts, track)
             for record in reader.records():
                 if record.topic in TOPICS:
                     writer.feed(record)

@@ -33,6 +33,7 @@ from runtime.settings.review import ReviewSettings
 from slam.estimate import Estimate, Quality
 from slam.observations import BeamVerdict, Features
 from slam.pose import Pose2
+from slam.settings.slam import MountSettings
 
 TRACE_EVERY = 10  # ticks between the scans that stay and add up to a map
 BATCH_TICKS = 10  # ticks per write: 1 s, which a power cut loses
@@ -50,7 +51,7 @@ PATHS = ("SLAM", "odometry", "truth")
 class ReviewWriter:
     """Takes records in the order of writing and draws them. Memory stays flat; nothing is read back.
 
-    body_from_laser: the laser's mount; facts: lines for the legend; track: what an imported data set knows.
+    mount: of the laser; facts: lines for the legend; track: what an imported data set knows.
     Raises StorageError when the file cannot be made.
     """
 
@@ -58,13 +59,14 @@ class ReviewWriter:
         self,
         path: Path,
         settings: ReviewSettings,
-        body_from_laser: Pose2 | None = None,
+        mount: MountSettings | None = None,
         facts: Mapping[str, str] | None = None,
         track: TruthTrack | None = None,
     ) -> None:
         self._path = path
         self._settings = settings
-        self._body_from_laser = body_from_laser or Pose2()
+        self._mount = mount or MountSettings()
+        self._body_from_laser = self._mount.as_pose()
         self._assembler = TickAssembler()
         self._state = DrawingState(with_truth=track is not None)
         self._track = track
@@ -242,7 +244,7 @@ class ReviewWriter:
         """Each beam where the laser was when it was taken, in the colour of what the front end made of it."""
         if not self._due("scan", self._settings.scan_every):
             return
-        stamps_ns, laser_m, returned = beam_points(scan)
+        stamps_ns, laser_m, returned = beam_points(self._mount.upright(scan))
         verdicts = estimate.beam_verdicts
         if verdicts is None or verdicts.size != returned.size:
             verdicts = np.full(returned.size, BeamVerdict.NOT_COMPARED, np.uint8)

@@ -11,6 +11,7 @@ from drivers.settings.vehicle import VehicleSettings
 from drivers.settings.wheel_signals import WheelSignals
 from runtime.settings.review import ReviewSettings
 from slam.settings.odometry import OdometrySettings
+from slam.settings.slam import SlamSettings
 
 SHARED = frozenset(VehicleSettings.model_fields) & set(OdometrySettings.model_fields)
 HANDED_ON = {"slam.odometry": SHARED | {"model", "jump_speed_mps"}, "encoders": frozenset({"vehicle"})}
@@ -19,6 +20,7 @@ DEVICE = frozenset({"frame_id", "status_mask", "crc_polynomial", "crc_init", "cr
 INTERNAL: dict[str, tuple[type[BaseModel], frozenset[str]]] = {
     "encoders.layout.left": (WheelSignals, DEVICE),
     "encoders.layout.right": (WheelSignals, DEVICE),
+    "slam": (SlamSettings, frozenset({"resample_share"})),
     "review": (ReviewSettings, frozenset({"scan_every"})),
     "simulation.world": (WorldSettings, frozenset(WorldSettings.model_fields) - {"seed", "people", "drive"}),
     "simulation.world.drive": (DriveSettings, frozenset(DriveSettings.model_fields) - {"speed_mps"}),

@@ -79,7 +79,7 @@ def with_motion_noise(features: Features, scan: ScanLike, covariance: FloatArray
     """
     if not isinstance(scan, Scan) or scan.beam_period_s == 0.0 or duration_s <= 0.0 or len(features) == 0:
         return features
-    away_s = np.abs(features.beams - scan.stamp_beam) * scan.beam_period_s
+    away_s = np.abs((features.beams - scan.stamp_beam) * scan.beam_period_s)
     share = np.where(features.beams >= 0, np.minimum(away_s / duration_s, 1.0), 0.0)
     cosine, sine = np.cos(features.bearings_rad), np.sin(features.bearings_rad)
     xx, xy, yy, turned = covariance[0, 0], covariance[0, 1], covariance[1, 1], covariance[2, 2]

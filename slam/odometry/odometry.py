@@ -3,7 +3,7 @@
 The increment is expressed in the body frame at the previous scan, so that it is the same for every particle.
 """
 
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -100,12 +100,17 @@ class Odometry:
         self._taken_ns: int | None = None
         self._travel = Travel.none(self._geometries)
         self.odom_from_body = Pose2()
-        self.refused: dict[str, int] = {"wheel_stamps": 0, "wheel_values": 0, "wheel_kinds": 0, "wheel_jumps": 0}
+        self.refused = Counter[str](wheel_stamps=0, wheel_values=0, wheel_kinds=0, wheel_jumps=0)
 
-    def add(self, wheels: tuple[WheelSample, ...]) -> None:
-        """Queue new samples; those out of order, not plausible or of another kind are refused and counted."""
+    def add(self, wheels: tuple[WheelSample, ...], latest_ns: int | None = None) -> None:
+        """Queue new samples; those out of order, not plausible or of another kind are refused and counted.
+
+        latest_ns: so are those from after it, or every later sample would be out of order; None: there is no bound.
+        """
         for sample in wheels:
-            if not isinstance(sample, self._kind):
+            if latest_ns is not None and sample.stamp_ns > latest_ns:
+                self.refused["wheel_stamps_ahead"] += 1
+            elif not isinstance(sample, self._kind):
                 self.refused["wheel_kinds"] += 1
             elif not self._plausible(sample):
                 self.refused["wheel_values"] += 1
@@ -126,6 +131,13 @@ class Odometry:
         if travel.gap_correction_m != (0.0, 0.0):
             self.odom_from_body = self.odom_from_body @ self._arc(*travel.gap_correction_m)
         return increment
+
+    def begin_anew(self) -> None:
+        """The clock was set back: what is queued is dropped, and motion up to the next sample is not known."""
+        self._queue.clear()
+        self._cursor = Cursor()
+        self._newest_ns = self._taken_ns = None
+        self._add(self._travel, self._segmenter.unknown(SETTLED_NS * 1e-9))
 
     def predicted(self, stamp_ns: int) -> Increment:
         """The increment from the last stamp taken to this one; another call may take or predict an earlier one."""

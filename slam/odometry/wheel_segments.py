@@ -91,6 +91,10 @@ class Segmenter:
         correction_m = (sum(left for left, _ in corrections), sum(right for _, right in corrections))
         return Segments(np.array(rows).reshape(-1, SEGMENT_COLUMNS), known, jumps, correction_m), cursor, used
 
+    def unknown(self, duration_s: float) -> Segments:
+        """A time of which the wheels have said nothing."""
+        return Segments(np.array((self._unknown(duration_s),)), False, 0)
+
     def _to_sample(
         self, cursor: Cursor, sample: WheelSample, rows: list[tuple[float, ...]], corrections: list[tuple[float, float]]
     ) -> tuple[Cursor, bool, int]:

@@ -1,16 +1,19 @@
 """[slam]: the whole estimator. Geometry and noise belong to a vehicle or a data set; all else has one default."""
 
 import math
-from typing import Literal
+from typing import Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from drivers.measurements import Scan, ScanLike
 from slam.pose import Pose2
 from slam.settings.front_end import FrontEndSettings
 from slam.settings.joint import JointSettings
 from slam.settings.odometry import OdometrySettings
 from slam.settings.quality import QualitySettings
 from slam.settings.tuning import Proposal, Strategy, Tuning
+
+Seen = TypeVar("Seen", Scan, ScanLike)
 
 
 class TechniqueSettings(BaseModel):
@@ -45,9 +48,19 @@ class MountSettings(BaseModel):
         description="rad by which it is turned to the left; a laser that looks backwards has pi",
     )
 
+    upside_down: bool = Field(
+        default=False,
+        description="whether the laser hangs upside down, so that left and right are exchanged in its scans. "
+        "`infant calibrate` finds it, and `infant review` names a run that looks mirrored",
+    )
+
     def as_pose(self) -> Pose2:
-        """body_from_laser."""
+        """body_from_laser of the laser as if it stood upright."""
         return Pose2(self.x_m, self.y_m, self.yaw_rad)
+
+    def upright(self, scan: Seen) -> Seen:
+        """What a laser that stands upright would have seen."""
+        return scan.mirrored() if self.upside_down else scan
 
 
 class ViewSettings(BaseModel):
@@ -144,8 +157,7 @@ class SlamSettings(BaseModel):
         default=0.3,
         ge=0,
         le=1,
-        description="resample when the effective number falls below this share of the particles. Change it only for a "
-        "study: 1 resamples in every scan",
+        description="resample when the effective number falls below this share of the particles; 1: in every scan",
     )
     mount: MountSettings = Field(default_factory=MountSettings)
     techniques: TechniqueSettings = Field(default_factory=TechniqueSettings)

@@ -8,7 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.measurements import FloatArray, Scan, Sightings, SpeedYawRate, WheelCounts, WheelSample, uniform_bearings
+from drivers.measurements import (
+    FloatArray,
+    OdometryPose,
+    Scan,
+    Sightings,
+    SpeedSteering,
+    SpeedYawRate,
+    WheelCounts,
+    WheelSample,
+    uniform_bearings,
+)
 from slam.estimate import Estimate, Quality
 from slam.estimator import Estimator, compound
 from slam.odometry.odometry import Increment
@@ -253,3 +263,69 @@ def test_a_step_that_fails_loses_its_scan_but_not_the_motion_of_the_wheels() -> 
     assert failed == 10
     assert estimate.map_from_body.x_m - before_m == pytest.approx(0.5, abs=0.02)
     assert estimate.covariance[0, 0] > 0.0
+
+
+FAR_NS = 3600 * 10**9
+FUTURE = {
+    "speed": SpeedYawRate(FAR_NS, 1.0, 0.2),
+    "counts": WheelCounts(FAR_NS, 5.0, 5.0),
+    "invalid counts": WheelCounts(FAR_NS, 0.0, 0.0, valid=False),
+    "steering": SpeedSteering(FAR_NS, 1.0, 0.0),
+    "pose": OdometryPose(FAR_NS, 0.0, 0.0, 0.0),
+}
+
+
+def test_a_scan_from_the_future_is_refused_and_those_after_it_are_used() -> None:
+    estimator, untouched = Estimator(settings_of(), 1), Estimator(settings_of(), 1)
+    drive(estimator, 21)
+    drive(untouched, 21)
+    estimator.step(20 * TICK, sightings(FAR_NS, (9, 9, 0)), ())
+    assert drive(estimator, 40, first=21)[-1].counts["scan_stamps_ahead_refused"] == 1
+    drive(untouched, 40, first=21)
+    assert estimator.state_hash() == untouched.state_hash()
+
+
+@pytest.mark.parametrize("sample", FUTURE.values(), ids=FUTURE)
+def test_a_wheel_sample_from_the_future_is_refused_and_those_after_it_are_used(sample: WheelSample) -> None:
+    estimator, untouched = Estimator(settings_of(), 1), Estimator(settings_of(), 1)
+    drive(estimator, 21)
+    drive(untouched, 21)
+    estimator.step(20 * TICK, None, (sample,))
+    assert drive(estimator, 40, first=21)[-1].counts["wheel_stamps_ahead_refused"] == 1
+    drive(untouched, 40, first=21)
+    assert estimator.state_hash() == untouched.state_hash()
+
+
+def test_a_clock_that_is_set_back_stops_neither_scans_nor_wheels() -> None:
+    estimator = Estimator(settings_of(), 1)
+    for tick in range(10):
+        seen = sightings(FAR_NS + tick * TICK, (0, 0, 0), 0.02)
+        estimator.step(FAR_NS + tick * TICK, seen, (SpeedYawRate(FAR_NS + tick * TICK, 0.0, 0.0),))
+    last = drive(estimator, 61)[-1]
+    assert last.counts["scan_stamps_refused"] == 0
+    assert "wheel_stamps_refused" not in last.counts
+    assert last.quality is Quality.TRACKING
+    pose = np.zeros(3)
+    for _ in range(6, 61):
+        pose = arc_pose(pose, 0.1, 0.02)
+    assert math.hypot(last.map_from_body.x_m - pose[0], last.map_from_body.y_m - pose[1]) < 0.2
+
+
+def test_a_laser_upside_down_leads_to_the_same_poses() -> None:
+    """Left and right are exchanged in what it sees; the mount says so."""
+    mount = {"x_m": 0.3, "yaw_rad": 0.1}
+    upright, hanging = (
+        Estimator(SlamSettings.model_validate({"particles": 5, "mount": {**mount, "upside_down": down}}), 1)
+        for down in (False, True)
+    )
+    bearings = uniform_bearings(-1.57, 3.14 / 360, 361)
+    ranges = np.where(np.abs(bearings - 0.5) < 0.03, 5.0, 12.0).astype(np.float32)
+    for step in range(30):
+        stamp_ns = step * 10**8
+        wheels = (WheelCounts(stamp_ns, 300.0 * max(0, step - 15), 320.0 * max(0, step - 15)),)
+        scan = Scan(stamp_ns, ranges, bearings, 0.0001, 0)
+        first = upright.step(stamp_ns, scan, wheels)
+        second = hanging.step(stamp_ns, scan.mirrored(), wheels)
+        assert second.map_from_body == first.map_from_body
+    assert first.counts["features"] > 0
+    assert upright.state_hash() == hanging.state_hash()

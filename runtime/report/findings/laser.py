@@ -132,11 +132,16 @@ def _damage(facts: RunFacts) -> list[Finding]:
     return findings
 
 
+def _most(facts: RunFacts, count: str) -> int:
+    """How far a count had grown at the end."""
+    values = facts.ticks.counts.get(count, np.zeros(1))
+    return int(np.nanmax(values)) if np.isfinite(values).any() else 0
+
+
 def _restarts(facts: RunFacts) -> list[Finding]:
     events = facts.events_of("laser", "clock_restarts", "stale_stamp", "out_of_order", "future_stamps")
-    refused = facts.ticks.counts.get("scan_stamps_refused", np.zeros(1))
-    refusals = int(np.nanmax(refused)) if np.isfinite(refused).any() else 0
-    if not events and not refusals:
+    refusals, ahead = (_most(facts, f"scan_stamps_{why}") for why in ("refused", "ahead_refused"))
+    if not events and not refusals and not ahead:
         return []
     times_s = np.array([facts.seconds(event.stamp_ns) for event in events])
     intervals = intervals_where(times_s, np.ones(len(times_s), dtype=np.bool_), 2.0)
@@ -149,6 +154,7 @@ def _restarts(facts: RunFacts) -> list[Finding]:
             f"Scan stamps jumped{at}: {'the laser restarted' if restarted else 'they stand still or run backwards'}",
             (
                 *((f"the filter refused {refusals} scans for their stamp",) if refusals else ()),
+                *((f"the filter refused {ahead} scans from the future",) if ahead else ()),
                 *driver_reports(events),
             ),
             "the laser was switched off and on, or reset itself" if restarted else "the laser's clock misbehaves",

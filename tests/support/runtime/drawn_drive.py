@@ -13,10 +13,11 @@ from runtime.tick import CompletedTick, Tick, Timing
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.observations import BeamVerdict, Features, MatchVerdict
 from slam.pose import Pose2
+from slam.settings.slam import MountSettings
 
 PERIOD_NS = 100_000_000
 BEARINGS_RAD = uniform_bearings(-0.75 * np.pi, np.pi / 720.0, 1081)
-MOUNT = Pose2(0.3, 0.0, 0.0)
+MOUNT = MountSettings(x_m=0.3)
 RANGE_M = 30.0
 YARD_M = 22.0
 POLE_M = 0.15
@@ -62,7 +63,7 @@ def drive(ticks: int, seed: int = 1, start_ns: int = 5_000_000_000) -> Iterator[
         stamp_ns = start_ns + seq * PERIOD_NS
         truth, scan_ns = truth_at(stamp_ns, start_ns), stamp_ns - 40_000_000
         person = np.array(((-15.0 + 0.12 * seq) % 40 - 20, 3.0))
-        ranges_m, hit = cast(truth_at(scan_ns, start_ns) @ MOUNT, BEARINGS_RAD, np.vstack((yard, person)))
+        ranges_m, hit = cast(truth_at(scan_ns, start_ns) @ MOUNT.as_pose(), BEARINGS_RAD, np.vstack((yard, person)))
         ranges_m += rng.normal(0, 0.01, ranges_m.shape)
         scan = Scan(scan_ns, ranges_m.astype(np.float32), BEARINGS_RAD, 0.0, 540, RANGE_M)
         verdicts = np.full(1081, BeamVerdict.KEPT, np.uint8)
