@@ -73,12 +73,20 @@ def _errors(name: str, error: PathError) -> Result:
 
 
 def _quality_against(drive: Driven, places: FloatArray, point: Mount) -> dict[str, float]:
-    """At the times of the places: the quality and sigma of the last tick until then, the error after the rigid fit."""
+    """At every tick between two places: its quality and sigma, and the error after the rigid fit.
+
+    The error is known at the times of the places and linear between them: scans may come seconds apart, and a quality
+    that doubts itself from scan to scan would be seen only at its best.
+    """
     points = composed(poses_at(drive.published, places[:, 0]), np.array(point))[:, :2]
     known = np.isfinite(points[:, 0])
     if known.sum() < LEAST_FIT_POINTS:
         return {}
-    points, onto, times_s = points[known], places[known, 1:3], places[known, 0]
-    errors_m: FloatArray = np.hypot(*(rigid_fit(points, onto).transform(points) - onto).T)
-    ticks = np.maximum(np.searchsorted(drive.published[:, 0], times_s, side="right") - 1, 0)
-    return quality_shares(errors_m, drive.sigma_m[ticks], [drive.qualities[tick] for tick in ticks])
+    points, onto = points[known], places[known, 1:3]
+    misses_m = rigid_fit(points, onto).transform(points) - onto
+    misses = np.column_stack((places[known, 0], misses_m, np.zeros(len(misses_m))))
+    errors_m = np.hypot(*poses_at(misses, drive.published[:, 0])[:, :2].T)
+    between = np.flatnonzero(np.isfinite(errors_m))
+    if not len(between):
+        return {}
+    return quality_shares(errors_m[between], drive.sigma_m[between], [drive.qualities[tick] for tick in between])
