@@ -67,17 +67,20 @@ def replay_overrides(set_: list[str] | None, without: list[str] | None, seed: in
 
 
 def import_(
-    source: Annotated[Path, typer.Argument(metavar="SOURCE", help="a recording: arrays, CARMEN log, ...")],
+    source: Annotated[Path, typer.Argument(metavar="SOURCE", help="a recording: arrays, bag of ROS, CARMEN log, ...")],
     out: Annotated[Path, typer.Option("--out", metavar="RUN", help="folder of the new run; never overwritten")],
     config: Annotated[Path | None, typer.Option("--config", help="default: the set's own file in config/")] = None,
     at_rest: Annotated[bool, typer.Option("--at-rest", help="the sensor stood still; no odometry is needed")] = False,
+    scan_topic: Annotated[str | None, typer.Option("--scan-topic", help="of a bag with several LaserScans")] = None,
+    odom_topic: Annotated[str | None, typer.Option("--odom-topic", help="of a bag with several Odometries")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Turn recorded data of others into a run that can be replayed and evaluated."""
     from runtime.importers.data_set import import_data_set, import_lines
+    from runtime.importers.rosbag import Topics
 
     with busy("import"):
-        result = import_data_set(source, out, config, at_rest)
+        result = import_data_set(source, out, config, at_rest, Topics(scan_topic, odom_topic))
     typer.echo(json.dumps(result) if as_json else "\n".join(import_lines(result)))
 
 

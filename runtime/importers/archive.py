@@ -74,11 +74,8 @@ def load_archive(source: Path) -> Archive:
     except (OSError, EOFError, ValueError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
         raise DataSetError(f"{path} cannot be read as a data set ({error}); fetch it again") from error
     meta = _meta(path, arrays.pop(META, None))
-    archive = Archive(str(meta.get("name", path.stem)), path, arrays, meta)
-    arrays |= checked(path, arrays, meta, archive.left_out)
-    for name in [name for name in arrays if not arrays[name].size and name in KNOWN]:
-        del arrays[name]  # as good as absent
-    return archive
+    left_out = LeftOut()
+    return Archive(str(meta.get("name", path.stem)), path, checked(path, arrays, meta, left_out), meta, left_out)
 
 
 def _arrays(path: Path) -> dict[str, NDArray[Any]]:

@@ -15,6 +15,7 @@ from runtime.importers.mount import merged_mount, mount_of
 from runtime.importers.parsing.checks import number
 from runtime.importers.parsing.left_out import MUCH
 from runtime.importers.recognise import load
+from runtime.importers.rosbag import Topics
 from runtime.importers.sightings import seen
 from runtime.importers.ticks import ticks
 from runtime.importers.truth import truth_of
@@ -29,6 +30,7 @@ from runtime.source_tree import CONFIG
 from slam.odometry.odometry import Odometry
 
 FAMILIES = ("victoria_park", "minesparis", "intel_lab", "aces_austin", "sjursflat", "mrclam", "carmen")
+BY_FORMAT = {"bag ": "carmen.toml"}  # beginning of a name by its reader: what describes any of them
 NEAREST = {
     "pose": "carmen.toml",
     "differential": "minesparis.toml",
@@ -41,20 +43,25 @@ FORMS = {
     "steered": "speed and steering angle",
     "speed_yaw_rate": "speed and yaw rate",
 }
+ANY_TOPICS = Topics()
 FAST_SPACING_NS = 100_000_000
 SLOW_SPACING_NS = 50_000_000  # odometry that comes as poses is slow, and relations ask for poses within 50 ms
 
 
-def import_data_set(source: Path, out: Path, config: Path | None = None, at_rest: bool = False) -> dict[str, Any]:
+def import_data_set(
+    source: Path, out: Path, config: Path | None = None, at_rest: bool = False, topics: Topics = ANY_TOPICS
+) -> dict[str, Any]:
     """Write SOURCE as a new run OUT and return what was imported.
 
     Stamps are nanoseconds since the set's start, those of scans less data_set.laser_latency_s. The configuration that
     goes into the run is config/<family>.toml of this project unless another is given; a mount that the set knows and
     the configuration does not goes into it as well. at_rest: the sensor stood still, so no odometry is needed.
+    topics: of a bag of ROS, where they cannot be found.
+
     Raises DataSetError, ConfigurationError, RunExistsError, StorageError; nothing is written unless the whole set can
     be read.
     """
-    archive = load(source)
+    archive = load(source, topics)
     if not at_rest:
         motion_model(archive)  # refuses a set of no use before anything else about it
     configuration, notes = configured(archive, config, at_rest)
@@ -114,6 +121,10 @@ def configured(archive: Archive, config: Path | None, at_rest: bool = False) -> 
     if not at_rest:
         _check_motion_model(archive, configuration, path)
     overrides, notes = merged_mount(mount_of(archive), configuration)
+    if config is None and path.name in BY_FORMAT.values():
+        notes.append(
+            f"config/{path.name} is used; copy it and give it with --config where the robot needs other values"
+        )
     return (load_configuration(path, overrides) if overrides else configuration), notes
 
 
@@ -125,6 +136,9 @@ def configuration_path(archive: Archive) -> Path:
         path = CONFIG / f"{family}.toml"
         if archive.name.startswith(family) and path.is_file():
             return path
+    for beginning, name in BY_FORMAT.items():
+        if archive.name.startswith(beginning):
+            return CONFIG / name
     try:
         model = motion_model(archive)
         nearest = f"its odometry is {FORMS[model]}, as in config/{NEAREST[model]}: give that, or a copy with its mount,"
@@ -154,11 +168,17 @@ def _inputs(
     first = next(scans, None)
     if first is None:
         raise DataSetError(f"{archive.path} holds no scan that can be used; nothing was written")
+    seen_ns = sorted(archive.stamps_ns("scan_t" if "scan_t" in archive else "obs_t"))
     if at_rest:
-        stamps_ns = archive.stamps_ns("scan_t" if "scan_t" in archive else "obs_t")
-        wheels = samples_at_rest(sorted(stamps_ns), configuration.vehicle.motion_model)
+        wheels = samples_at_rest(seen_ns, configuration.vehicle.motion_model)
     else:
         wheels = wheel_samples(archive, configuration.vehicle)
+        if len(wheels) > 1 and (wheels[-1].stamp_ns < seen_ns[0] or wheels[0].stamp_ns > seen_ns[-1]):
+            times_s = [1e-9 * ns for ns in (seen_ns[0], seen_ns[-1], wheels[0].stamp_ns, wheels[-1].stamp_ns)]
+            raise DataSetError(
+                "{}: what was seen spans {:.1f} to {:.1f} s and the odometry {:.1f} to {:.1f} s after the start; they "
+                "do not overlap, so both need stamps of one clock; nothing was written".format(archive.path, *times_s)
+            )
         _count_refused(archive, configuration, wheels)
     return itertools.chain((first,), scans), wheels
 

@@ -8,13 +8,14 @@ from runtime.errors import DataSetError
 from runtime.importers.archive import Archive
 from runtime.importers.parsing.checks import number
 from runtime.settings.configuration import Configuration
+from slam.pose import wrap_rad
 
 NAMES = {
     "x_m": ("laser_x", "laser_x_m", "laser_offset_m", "laser_offset"),
     "y_m": ("laser_y", "laser_y_m"),
     "yaw_rad": ("laser_yaw", "laser_yaw_rad", "laser_theta"),
 }
-FARTHEST = {"x_m": 20.0, "y_m": 20.0, "yaw_rad": math.pi}  # as [slam.mount] takes them
+FARTHEST = {"x_m": 20.0, "y_m": 20.0, "yaw_rad": 2.0 * math.pi + 0.01}  # some write 6.2832
 SAME = {"x_m": 1e-3, "y_m": 1e-3, "yaw_rad": 1e-3}  # m, m, rad: differences that nobody measures
 
 
@@ -30,7 +31,8 @@ def mount_of(archive: Archive) -> dict[str, float]:
             raise DataSetError(f"{archive.path}: meta.{table} = {told!r}, expected a table such as {{laser_x: 0.25}}")
         for key, names in NAMES.items():
             for name in (name for name in names if name in told):
-                mount[key] = _place(archive, f"{table}.{name}".lstrip("."), told[name], FARTHEST[key])
+                value = _place(archive, f"{table}.{name}".lstrip("."), told[name], FARTHEST[key])
+                mount[key] = min(max(wrap_rad(value), -math.pi), math.pi) if key == "yaw_rad" else value
         if "(a,b)" in str(told.get("laser", "")):  # Victoria Park's own words: metres ahead and left of the axle
             mount |= {key: _place(archive, name, told.get(name), 20.0) for key, name in (("x_m", "a"), ("y_m", "b"))}
     return mount

@@ -68,7 +68,9 @@ REQUIRED = {"scan_t": ("ranges",), "obs_t": ("obs_range", "obs_bearing")}
 
 
 def checked(path: Path, arrays: Arrays, meta: Mapping[str, Any], left_out: LeftOut) -> dict[str, NDArray[Any]]:
-    """The arrays with the rows that can be used. Raises DataSetError with the first that has another form."""
+    """The known arrays with the rows that can be used, without empty ones. Raises DataSetError with the first that has
+    another form.
+    """
     kept: dict[str, NDArray[Any]] = {}
     for what, group in GROUPS.items():
         first = next(iter(group))
@@ -94,7 +96,7 @@ def checked(path: Path, arrays: Arrays, meta: Mapping[str, Any], left_out: LeftO
         kept |= {name: array[rows] for name, array in present.items()}
     if "scan_t" in kept:
         check_laser(path, kept, meta)
-    return kept
+    return {name: array for name, array in kept.items() if len(array)}
 
 
 def number(place: object, name: str, value: Any, least: float = -LARGEST, most: float = LARGEST) -> float:
