@@ -1,5 +1,6 @@
 """Where a data set says that its laser sits, and how that meets what the configuration says."""
 
+import json
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -16,7 +17,7 @@ NAMES = {
     "yaw_rad": ("laser_yaw", "laser_yaw_rad", "laser_theta"),
 }
 FARTHEST = {"x_m": 20.0, "y_m": 20.0, "yaw_rad": 2.0 * math.pi + 0.01}  # some write 6.2832
-SAME = {"x_m": 1e-3, "y_m": 1e-3, "yaw_rad": 1e-3}  # m, m, rad: differences that nobody measures
+SAME = 1e-3  # m or rad: a difference that nobody measures
 
 
 def mount_of(archive: Archive) -> dict[str, float]:
@@ -33,6 +34,12 @@ def mount_of(archive: Archive) -> dict[str, float]:
             for name in (name for name in names if name in told):
                 value = _place(archive, f"{table}.{name}".lstrip("."), told[name], FARTHEST[key])
                 mount[key] = min(max(wrap_rad(value), -math.pi), math.pi) if key == "yaw_rad" else value
+        if "laser_upside_down" in told:
+            if not isinstance(told["laser_upside_down"], bool):
+                raise DataSetError(
+                    f"{archive.path}: meta.laser_upside_down = {told['laser_upside_down']!r}, expected true or false"
+                )
+            mount["upside_down"] = told["laser_upside_down"]
         if "(a,b)" in str(told.get("laser", "")):  # Victoria Park's own words: metres ahead and left of the axle
             mount |= {key: _place(archive, name, told.get(name), 20.0) for key, name in (("x_m", "a"), ("y_m", "b"))}
     return mount
@@ -46,7 +53,7 @@ def merged_mount(mount: Mapping[str, float], configuration: Configuration) -> tu
     file_mount, missing = configuration.slam.mount, _missing(mount, configuration)
     notes = []
     for key, value in mount.items():
-        if abs(getattr(file_mount, key) - value) <= SAME[key]:
+        if abs(getattr(file_mount, key) - value) <= SAME:
             continue
         if f"slam.mount.{key}" in missing:
             notes.append(f"slam.mount.{key} = {value:g} is taken from the data set's description")
@@ -67,7 +74,7 @@ def _missing(mount: Mapping[str, float], configuration: Configuration) -> dict[s
     """Keys of a mount that a configuration does not set, as overrides."""
     slam = configuration.slam
     in_file = slam.mount.model_fields_set if "mount" in slam.model_fields_set else set()
-    return {f"slam.mount.{key}": repr(value) for key, value in mount.items() if key not in in_file}
+    return {f"slam.mount.{key}": json.dumps(value) for key, value in mount.items() if key not in in_file}
 
 
 def _place(archive: Archive, name: str, value: Any, farthest: float) -> float:

@@ -65,7 +65,7 @@ def load_rosbag(source: Path, head: bytes, topics: Topics) -> Archive:
         found.odometry = found.bases
     arrays, meta = _scans(found)
     meta["name"] = f"bag {source.stem}"
-    _mount(found, meta, arrays, left_out)
+    _mount(found, meta, left_out)
     if found.odometry:
         rows = np.array(found.odometry)
         arrays |= {"odom_t": rows[:, 0], "odom_pose": rows[:, 1:]}
@@ -205,8 +205,8 @@ def _time_increment_s(scans: list[Any], stamps_s: FloatArray, counts: Any) -> fl
     return told_s if 0.0 < told_s * float(np.median(counts)) <= SWEEP_SHARE * usual_s else 0.0
 
 
-def _mount(found: _Gathered, meta: dict[str, Any], arrays: dict[str, Any], left_out: LeftOut) -> None:
-    """Where the laser sits on the base, from the transforms; the beams of one that hangs upside down are turned."""
+def _mount(found: _Gathered, meta: dict[str, Any], left_out: LeftOut) -> None:
+    """Where the laser sits on the base, from the transforms."""
     frame = _frame(found.scans[0][1].header.frame_id)
     base_from_laser = between(found.transforms, found.base_frame, frame) if found.base_frame else None
     if base_from_laser is None:
@@ -221,10 +221,8 @@ def _mount(found: _Gathered, meta: dict[str, Any], arrays: dict[str, Any], left_
         left_out.warnings.append(
             f"{frame} is tilted by {math.degrees(math.acos(min(abs(up), 1.0))):.0f} deg; its scans are taken as level"
         )
-    if up < 0.0:
-        left_out.notes.append(f"{frame} hangs upside down; its beams are turned over")
-        for name in ("scan_angle_min", "scan_angle_increment"):
-            arrays[name] = -arrays[name]
     yaw_rad = math.atan2(base_from_laser[1, 0], base_from_laser[0, 0])
     place = zip(("laser_x", "laser_y", "laser_yaw"), (*base_from_laser[:2, 3].tolist(), yaw_rad), strict=True)
-    meta["vehicle"] = {name: round(value, 9) for name, value in place}
+    meta["vehicle"] = {name: round(value, 9) for name, value in place} | (
+        {"laser_upside_down": True} if up < 0.0 else {}
+    )

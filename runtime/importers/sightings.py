@@ -46,15 +46,14 @@ def _scans(archive: Archive) -> Iterator[Scan]:
     for stamp_ns, row, first_rad, step_rad, count in rows:
         valid = (row > least_m) & (row < np.float32(limit_m))  # false for NaN
         ranges_m = np.where(valid, row, np.float32(np.nan))[:count]
-        period_s = beam_period_s
-        if step_rad < 0.0:  # a clockwise laser: the same beams the other way round
+        period_s, stamp_beam = beam_period_s, 0
+        if step_rad < 0.0:  # a clockwise laser: the same beams the other way round, the last of them taken first
             first_rad, step_rad, ranges_m = first_rad + (count - 1) * step_rad, -step_rad, ranges_m[::-1].copy()
-            # a Scan cannot say that its last beam came first: all beams count as taken in the middle of the sweep
-            stamp_ns, period_s = stamp_ns + round(0.5 * (count - 1) * period_s * 1e9), 0.0
+            period_s, stamp_beam = -period_s, count - 1
         key = (first_rad, step_rad, count)
         if key not in bearings:
             bearings[key] = uniform_bearings(*key)
-        yield Scan(stamp_ns, ranges_m, bearings[key], period_s, range_max_m=limit_m)
+        yield Scan(stamp_ns, ranges_m, bearings[key], period_s, stamp_beam, limit_m)
 
 
 def _beams(archive: Archive) -> tuple[list[float], list[float], list[int]]:

@@ -224,7 +224,7 @@ def test_one_stamp_that_lies_far_away_is_left_out_alone(tmp_path: Path) -> None:
 
 def test_the_mount_that_a_log_shows_is_used(tmp_path: Path) -> None:
     result = imported(tmp_path, [flaser(moment, ahead_m=0.25) for moment in moments(20)])
-    assert result["mount"] == {"x_m": 0.25, "y_m": 0.0, "yaw_rad": 0.0}
+    assert result["mount"] == {"x_m": 0.25, "y_m": 0.0, "yaw_rad": 0.0, "upside_down": False}
     assert result["truth"] is None
 
 

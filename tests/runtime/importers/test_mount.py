@@ -32,6 +32,8 @@ def archive(**meta: Any) -> Archive:
         ),
         ({"vehicle": {"laser_offset_m": 0.145}}, {"x_m": 0.145}),
         ({"laser_x": 0.1}, {"x_m": 0.1}),
+        ({"vehicle": {"laser_upside_down": True}}, {"upside_down": True}),
+        ({"vehicle": {"laser_yaw": -6.2832}}, {"yaw_rad": pytest.approx(0.0, abs=1e-4)}),
         (
             {"vehicle": {"a": 3.78, "b": 0.5, "laser": "laser at (a,b) ahead/left of rear axle"}},
             {"x_m": 3.78, "y_m": 0.5},
@@ -50,6 +52,8 @@ def test_the_mount_of_a_description_is_found(meta: dict[str, Any], mount: dict[s
         {"vehicle": {"laser_x": 250}},
         {"vehicle": {"laser_x": float("nan")}},
         {"geometry": {"laser_yaw": True}},
+        {"geometry": {"laser_yaw": 90.0}},
+        {"vehicle": {"laser_upside_down": "yes"}},
         {"vehicle": {"laser": "laser at (a,b)"}},
     ],
 )
@@ -68,7 +72,7 @@ def imported(tmp_path: Path, slam: str) -> dict[str, Any]:
 
 def test_a_configuration_without_a_mount_takes_the_sets(tmp_path: Path) -> None:
     result = imported(tmp_path, "")
-    assert result["mount"] == {"x_m": 0.25, "y_m": 0.1, "yaw_rad": 0.0}
+    assert result["mount"] == {"x_m": 0.25, "y_m": 0.1, "yaw_rad": 0.0, "upside_down": False}
     recorded = load_configuration_text(RunReader(tmp_path / "run").header.configuration_text)
     assert recorded.slam.mount.x_m == 0.25
     assert [note.partition(" = ")[0] for note in result["notes"]] == ["slam.mount.x_m", "slam.mount.y_m"]

@@ -53,7 +53,7 @@ def recorded_scans(run: Path) -> list[Scan]:
 def test_every_kind_of_bag_holds_the_same_drive(tmp_path: Path, kind: str) -> None:
     result = import_data_set(WRITERS[kind](tmp_path / kind), tmp_path / "run")
     assert (result["scans"], result["wheel_samples"], result["warnings"]) == (30, 30, [])
-    assert result["mount"] == {"x_m": 0.2, "y_m": 0.0, "yaw_rad": 0.0}
+    assert result["mount"] == {"x_m": 0.2, "y_m": 0.0, "yaw_rad": 0.0, "upside_down": False}
     assert RunReader(tmp_path / "run").header.wall_minus_monotonic_ns == pytest.approx(START_NS, abs=1000)
     last = list(moments(30))[-1]
     scan = recorded_scans(tmp_path / "run")[-1]
@@ -186,14 +186,10 @@ def scans_of(
     return recorded_scans(tmp_path / "run"), result
 
 
-def test_a_laser_that_hangs_upside_down_sees_the_same(tmp_path: Path) -> None:
-    def seen_upside_down(number: int, scan: Any) -> Any:
-        return dataclasses.replace(scan, ranges=scan.ranges[::-1].copy())
-
-    scans, result = scans_of(tmp_path, seen_upside_down, ROS2.turn(0.0, math.pi))
+def test_a_laser_that_hangs_upside_down_is_mounted_so(tmp_path: Path) -> None:
+    scans, result = scans_of(tmp_path, lambda _, scan: scan, ROS2.turn(0.0, math.pi))
+    assert result["mount"] == {"x_m": 0.2, "y_m": 0.0, "yaw_rad": 0.0, "upside_down": True}
     np.testing.assert_allclose(scans[0].ranges_m, room_ranges(next(moments(1)), BEAMS), rtol=1e-6)
-    assert (np.diff(scans[0].bearings_rad) > 0.0).all()
-    assert "laser hangs upside down; its beams are turned over" in result["notes"]
 
 
 def test_a_laser_that_looks_backwards_has_its_yaw(tmp_path: Path) -> None:
@@ -226,6 +222,18 @@ def test_what_a_scan_says_of_its_ranges_and_its_sweep_is_used(tmp_path: Path) ->
     assert np.isnan(scans[3].ranges_m[:4]).all()
     assert np.isfinite(scans[3].ranges_m[4:]).all()
     assert scans[3].beam_period_s == pytest.approx(0.05 / BEAMS)
+
+
+def test_a_clockwise_sweep_keeps_the_time_of_each_beam(tmp_path: Path) -> None:
+    def clockwise(number: int, scan: Any) -> Any:
+        turned = dataclasses.replace(scan, ranges=scan.ranges[::-1].copy(), time_increment=0.05 / BEAMS)
+        return dataclasses.replace(turned, angle_min=0.5 * math.pi, angle_increment=-math.pi / (BEAMS - 1))
+
+    scans, _ = scans_of(tmp_path, clockwise)
+    np.testing.assert_allclose(scans[0].ranges_m, room_ranges(next(moments(1)), BEAMS), rtol=1e-6)
+    assert math.degrees(scans[0].bearings_rad[0]) == pytest.approx(-90.0)
+    assert scans[0].stamp_beam == BEAMS - 1
+    assert scans[0].beam_period_s == pytest.approx(-0.05 / BEAMS)
 
 
 def test_a_scan_without_a_stamp_has_the_time_of_its_recording(tmp_path: Path) -> None:
