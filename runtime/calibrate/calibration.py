@@ -5,15 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.measurements import FloatArray, SpeedSteering
-from runtime.calibrate.drive_data import CalibrationStart, DriveData, SteeringStart, check_drives
+from drivers.measurements import FloatArray, OdometryPose, SpeedSteering, WheelCounts
+from runtime.calibrate.drive_data import CalibrationStart, DriveData, PoseStart, Start, SteeringStart, check_drives
 from runtime.calibrate.result import Calibration, Quantity
 from runtime.calibrate.richness import MotionCoverage, measures
 from runtime.calibrate.scans.laser_motion import LaserMotion, laser_motion
+from runtime.calibrate.scans.posture import OTHERS, Posture, posture, taken
 from runtime.calibrate.scans.range_noise import RangeNoise, range_noise
 from runtime.calibrate.single_causes import Fit
 from runtime.calibrate.solve import LATENCY_BOUND_S, Solution, solve
-from runtime.calibrate.wheel_model import DifferentialModel, SteeredModel, WheelModel
+from runtime.calibrate.wheel_model import DifferentialModel, WheelModel, model_of
 from runtime.errors import DataSetError
 
 PASSES = 3  # matching needs the motion within a sweep, which the first pass knows only roughly
@@ -22,6 +23,21 @@ FEWEST_STEPS = 15
 AGREEING_SHARE = 0.4
 FARTHEST = 3.0  # deviations of the prior
 NORMAL_95 = 1.96
+MOTION_MODELS: dict[type[Start], str] = {
+    CalibrationStart: "differential",
+    SteeringStart: "steered",
+    PoseStart: "pose",
+}
+STARTS: dict[type, type[Start]] = {
+    WheelCounts: CalibrationStart,
+    SpeedSteering: SteeringStart,
+    OdometryPose: PoseStart,
+}
+HELD: dict[type, str] = {
+    WheelCounts: "wheel counts",
+    SpeedSteering: "speed and steering",
+    OdometryPose: "odometry poses",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,18 +58,25 @@ NEEDS = {
     "laser_yaw_rad": _Need(0.05, False, ("straight driving",)),
     "laser_latency_s": _Need(0.06, False, ("change of speed and turning",)),
     "speed_scale": _Need(0.03, True, ("distance seen by the laser",)),
+    "distance_scale": _Need(0.03, True, ("distance seen by the laser",)),
+    "turn_scale": _Need(0.05, True, ("turning left", "turning right")),
     "steering_scale": _Need(0.08, True, ("turning left", "turning right")),
     "steering_bias_rad": _Need(0.01, False, ("straight driving", "distance seen by the laser")),
 }
 
 
-def calibrate(drives: Sequence[DriveData], initial: CalibrationStart | SteeringStart) -> Calibration:
+def calibrate(drives: Sequence[DriveData], initial: Start, postures: Sequence[Posture] = OTHERS) -> Calibration:
     """Calibrate from all drives together. What they do not show is refused with a reason, never guessed.
 
+    Scans are those of an upright laser, as far as is believed; where wheels and laser agree only if it hangs the other
+    way up, or looks elsewhere, the result says so and is the calibration of that. postures: what is tried then.
     Raises DataSetError where there are no drives, scans or wheels, or the wheels are of another kind than `initial`.
     """
     check_drives(drives)
-    model = _model(drives, initial)
+    _check_kind(drives, initial)
+    hangs = posture(drives, initial, postures)
+    drives, initial = taken(drives, initial, hangs)
+    model = model_of(initial)
     values = model.start
     motions, solution = _matched_and_solved(drives, model, values)
     for _ in range(PASSES - 1):
@@ -79,19 +102,20 @@ def calibrate(drives: Sequence[DriveData], initial: CalibrationStart | SteeringS
         sum(motion.failed for motion in motions),
         None if trouble else Fit(model.names, model.start, solution.parameters, solution.covariance, steps),
         contradicts_start,
+        hangs.mirrored,
     )
 
 
-def _model(drives: Sequence[DriveData], initial: CalibrationStart | SteeringStart) -> WheelModel:
-    steered = isinstance(initial, SteeringStart)
+def _check_kind(drives: Sequence[DriveData], initial: Start) -> None:
+    """Raise DataSetError where the wheels are not what the motion model asks for."""
+    model = MOTION_MODELS[type(initial)]
     for drive in drives:
-        if isinstance(drive.wheels[0], SpeedSteering) != steered:
-            have, want = ("wheel counts", "steered") if steered else ("speed and steering", "differential")
+        kind = type(drive.wheels[0])
+        if MOTION_MODELS[STARTS[kind]] != model:
             raise DataSetError(
-                f"{drive.name}: holds {have}, which does not go with vehicle.motion_model = {want!r}; "
+                f"{drive.name}: holds {HELD[kind]}, which does not go with vehicle.motion_model = {model!r}; "
                 "change the configuration"
             )
-    return SteeredModel(initial) if isinstance(initial, SteeringStart) else DifferentialModel(initial)
 
 
 def _matched_and_solved(

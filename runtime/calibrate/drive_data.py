@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drivers.measurements import BoolArray, FloatArray, Scan, SpeedSteering, WheelCounts
+from drivers.measurements import BoolArray, FloatArray, OdometryPose, Scan, SpeedSteering, WheelCounts
 from runtime.errors import DataSetError
-from slam.pose import Pose2
+from slam.pose import Pose2, rotated
 
 GAP_S = 0.5  # silence of the wheels after which the motion counts as unknown, as in slam's odometry
+POSE_GAP_S = 2.0  # a base adds up its poses, whether anybody listens or not: only the way between them is not known
+SMALL_RAD = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,12 +43,25 @@ class SteeringStart:
     latency_s: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class PoseStart:
+    """The same for a base that hands out poses: what its distances and turns are to be multiplied by."""
+
+    distance_scale: float = 1.0
+    turn_scale: float = 1.0
+    body_from_laser: Pose2 = field(default_factory=Pose2)
+    latency_s: float = 0.0
+
+
+Start = CalibrationStart | SteeringStart | PoseStart
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class WheelSeries:
     """Wheel samples of one drive as arrays: seconds (n,) since the drive's origin, values (n, 2).
 
-    values: left and right counts, or speed m/s and steering rad. broken (n,): nothing is known of the motion between
-    the sample before and this one.
+    values: left and right counts, speed m/s and steering rad, or distance m and heading rad since the start.
+    broken (n,): nothing is known of the motion between the sample before and this one.
     """
 
     times_s: FloatArray
@@ -60,7 +75,7 @@ class DriveData:
 
     name: str
     scans: tuple[Scan, ...]
-    wheels: tuple[WheelCounts, ...] | tuple[SpeedSteering, ...]
+    wheels: tuple[WheelCounts, ...] | tuple[SpeedSteering, ...] | tuple[OdometryPose, ...]
 
     @property
     def origin_ns(self) -> int:
@@ -73,25 +88,40 @@ class DriveData:
 
     def wheel_series(self) -> WheelSeries:
         """The wheel samples as arrays; samples out of order or not finite are left out."""
-        rows: list[tuple[float, float, float]] = []
+        rows: list[tuple[float, ...]] = []
         broken: list[bool] = []
         lost = False
+        poses = isinstance(self.wheels[0], OdometryPose)
+        gap_s = POSE_GAP_S if poses else GAP_S
         for sample in self.wheels:
             time_s = (sample.stamp_ns - self.origin_ns) * 1e-9
             if isinstance(sample, WheelCounts):
-                first, second = sample.left, sample.right
+                values: tuple[float, ...] = (sample.left, sample.right)
                 if not sample.valid:
                     lost = True
                     continue
+            elif isinstance(sample, SpeedSteering):
+                values = (sample.speed_mps, sample.steering_rad)
             else:
-                first, second = sample.speed_mps, sample.steering_rad
-            if not (math.isfinite(first) and math.isfinite(second)) or (rows and time_s <= rows[-1][0]):
+                values = (sample.x_m, sample.y_m, sample.heading_rad)
+            if not all(map(math.isfinite, values)) or (rows and time_s <= rows[-1][0]):
                 continue
-            broken.append(lost or (bool(rows) and time_s - rows[-1][0] > GAP_S))
-            rows.append((time_s, first, second))
+            broken.append(lost or (bool(rows) and time_s - rows[-1][0] > gap_s))
+            rows.append((time_s, *values))
             lost = False
-        table = np.array(rows).reshape(-1, 3)
-        return WheelSeries(table[:, 0], table[:, 1:], np.array(broken, dtype=np.bool_))
+        table = np.array(rows).reshape(-1, 4 if poses else 3)
+        told = along_arcs(table[:, 1:]) if poses else table[:, 1:]
+        return WheelSeries(table[:, 0], told, np.array(broken, dtype=np.bool_))
+
+
+def along_arcs(poses: FloatArray) -> FloatArray:
+    """Distance m, negative backwards, and heading rad, not wrapped, (n, 2) since the first of poses (n, 3)."""
+    headings = np.unwrap(poses[:, 2])
+    half = 0.5 * np.diff(headings)
+    ahead, left = rotated(np.diff(poses[:, :2], axis=0), -headings[:-1]).T
+    safe = np.where(np.abs(half) > SMALL_RAD, half, SMALL_RAD)
+    steps = np.where(np.abs(half) > SMALL_RAD, safe / np.tan(safe), 1.0) * ahead + half * left
+    return np.stack((np.concatenate(((0.0,), np.cumsum(steps))), headings - headings[0]), axis=-1)
 
 
 def check_drives(drives: Sequence[DriveData]) -> None:

@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from drivers.measurements import Scan, SpeedSteering, WheelCounts
+from drivers.measurements import OdometryPose, Scan, SpeedSteering, WheelCounts
 from runtime.calibrate.calibration import calibrate
-from runtime.calibrate.drive_data import CalibrationStart, DriveData, SteeringStart
+from runtime.calibrate.drive_data import CalibrationStart, DriveData, PoseStart, Start, SteeringStart
 from runtime.calibrate.result import Calibration
 from runtime.errors import DataSetError
 from runtime.record.reader import RunReader
 from runtime.settings.configuration import Configuration, load_configuration_text
+from runtime.tick import of_its_time
+from slam.settings.slam import MountSettings
 
 
 def calibrate_runs(
@@ -22,30 +24,39 @@ def calibrate_runs(
     if not runs:
         raise DataSetError("no run given; name at least one to calibrate from")
     believed = configuration or recorded_configuration(runs[0])
-    return calibrate([load_drive(run) for run in runs], start_from(believed)), believed
+    mount = believed.slam.mount
+    return calibrate([load_drive(run, mount) for run in runs], start_from(believed)), believed
 
 
-def load_drive(run: Path) -> DriveData:
-    """Every scan and wheel sample of a run. Raises NotARunError; DataSetError where the odometry is of no use here."""
+def load_drive(run: Path, mount: MountSettings | None = None) -> DriveData:
+    """Every wheel sample of a run and every scan as a laser that stands upright would have seen it.
+
+    mount: as configured; without one scans stay as they were recorded. Raises NotARunError; DataSetError where the
+    odometry is of no use here.
+    """
     scans: list[Scan] = []
     counts: list[WheelCounts] = []
     speeds: list[SpeedSteering] = []
+    poses: list[OdometryPose] = []
     for recorded in RunReader(run).ticks():
-        if isinstance(recorded.tick.scan, Scan):
-            scans.append(recorded.tick.scan)
-        for sample in recorded.tick.wheels:
+        tick = of_its_time(recorded.tick)
+        if isinstance(tick.scan, Scan):
+            scans.append(tick.scan if mount is None else mount.upright(tick.scan))
+        for sample in tick.wheels:
             if isinstance(sample, WheelCounts):
                 counts.append(sample)
             elif isinstance(sample, SpeedSteering):
                 speeds.append(sample)
+            elif isinstance(sample, OdometryPose):
+                poses.append(sample)
             else:
                 raise DataSetError(
-                    f"{run}: its odometry is {type(sample).__name__}, expected wheel counts or speed and steering; "
-                    "calibrate from a run with encoders"
+                    f"{run}: its odometry is {type(sample).__name__}, expected wheel counts, speed and steering, or "
+                    "poses; calibrate from another run"
                 )
-    if counts and speeds:
-        raise DataSetError(f"{run}: mixes wheel counts with speed and steering, expected one of them; import it again")
-    return DriveData(run.name, tuple(scans), tuple(counts) if counts else tuple(speeds))
+    if sum(map(bool, (counts, speeds, poses))) > 1:
+        raise DataSetError(f"{run}: mixes kinds of odometry, expected one of them; import it again")
+    return DriveData(run.name, tuple(scans), tuple(counts) or tuple(speeds) or tuple(poses))
 
 
 def recorded_configuration(run: Path) -> Configuration:
@@ -53,7 +64,7 @@ def recorded_configuration(run: Path) -> Configuration:
     return load_configuration_text(RunReader(run).header.configuration_text, source=f"configuration of {run}")
 
 
-def start_from(configuration: Configuration) -> CalibrationStart | SteeringStart:
+def start_from(configuration: Configuration) -> Start:
     """Where the search begins. Raises DataSetError where the odometry is of a kind that has no wheels to calibrate.
 
     The latency begins at zero: stamps in a record already hold the configuration's laser.stamp_offset_s.
@@ -67,10 +78,12 @@ def start_from(configuration: Configuration) -> CalibrationStart | SteeringStart
             speed_wheel_offset_m=odometry.speed_wheel_offset_m,
             body_from_laser=mount,
         )
+    if odometry.model == "pose":
+        return PoseStart(body_from_laser=mount)
     if odometry.model != "differential":
         raise DataSetError(
-            f"vehicle.motion_model = {odometry.model!r}: expected 'differential' or 'steered'; "
-            "there are no wheels to calibrate"
+            f"vehicle.motion_model = {odometry.model!r}: expected 'differential', 'steered' or 'pose'; "
+            "there is nothing to calibrate"
         )
     return CalibrationStart(
         odometry.wheel_radius_left_m, odometry.wheel_radius_right_m, odometry.tread_m, odometry.counts_per_rev, mount

@@ -6,6 +6,9 @@ from typing import Any
 from runtime.calibrate.richness import MotionCoverage
 from runtime.calibrate.single_causes import Fit
 
+SCALES = ("distance_scale", "turn_scale", "speed_scale")
+NO_SETTING = "no setting: mend it where the base computes it"
+
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
@@ -32,7 +35,8 @@ class Calibration:
 
     steps: pieces of way on which wheels and laser agree; left_out: on which they do not; unmatched: seen too little of.
     fit: all parameters together, None where nothing of it can be believed. contradicts_start: that is so because wheels
-    and laser disagree, or the result is too far from the start to be wear.
+    and laser disagree, or the result is too far from the start to be wear. mirrored: left and right are exchanged in
+    the scans, against what was believed (slam.mount.upside_down).
     """
 
     drives: tuple[str, ...]
@@ -44,6 +48,7 @@ class Calibration:
     unmatched: int
     fit: Fit | None = field(default=None, compare=False)
     contradicts_start: bool = False
+    mirrored: bool = False
 
     @property
     def rich(self) -> bool:
@@ -73,6 +78,7 @@ class Calibration:
             "steps": self.steps,
             "left_out": self.left_out,
             "unmatched": self.unmatched,
+            "mirrored": self.mirrored,
         }
 
 
@@ -87,7 +93,11 @@ def calibration_lines(result: Calibration) -> list[str]:
             why = "see below" if quantity.refused in result.missing else quantity.refused
             lines.append(f"{quantity.name:24s} not determined: {why}")
         else:
-            lines.append(f"{quantity.name:24s} {quantity.value:10.5f}  95 %: {quantity.low:.5f} to {quantity.high:.5f}")
+            aside = f"  ({NO_SETTING})" if quantity.name in SCALES else ""
+            span = f"95 %: {quantity.low:.5f} to {quantity.high:.5f}"
+            lines.append(f"{quantity.name:24s} {quantity.value:10.5f}  {span}{aside}")
+    if result.mirrored:
+        lines.append("the laser hangs the other way up than configured: left and right are exchanged in its scans")
     lines += [f"missing: {sentence}" for sentence in result.missing]
     return lines
 

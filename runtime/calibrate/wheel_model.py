@@ -8,10 +8,11 @@ import numpy as np
 
 from drivers.measurements import FloatArray
 from runtime.calibrate.dead_reckoning import DeadReckoning, dead_reckoning
-from runtime.calibrate.drive_data import CalibrationStart, SteeringStart, WheelSeries
+from runtime.calibrate.drive_data import CalibrationStart, PoseStart, Start, SteeringStart, WheelSeries
 from slam.pose import Pose2
 
 MOUNT_NAMES = ("laser_x_m", "laser_y_m", "laser_yaw_rad", "laser_latency_s")
+PRESUMED_TREAD_M = 0.5  # of a base whose wheels nobody sees
 # how far from the start the truth may be (standard deviations): wide, they only keep what is not observed finite
 MOUNT_PRIOR = (0.5, 0.5, 0.5, 0.15)
 
@@ -172,6 +173,69 @@ class SteeredModel:
         values[inside, 0] *= 1.0 - shares[step[inside], 0]
         values[inside, 1] -= shares[step[inside], 1]
         return WheelSeries(series.times_s, values, series.broken)
+
+
+@dataclass(frozen=True, slots=True)
+class PoseModel:
+    """A base that hands out poses: scale of its distances and of its turns; one error forward, one of the heading."""
+
+    initial: PoseStart
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Scales, mount."""
+        return ("distance_scale", "turn_scale", *MOUNT_NAMES)
+
+    @property
+    def start(self) -> FloatArray:
+        """As given."""
+        initial = self.initial
+        scales = (initial.distance_scale, initial.turn_scale)
+        return np.array((*scales, *_mount(initial.body_from_laser), initial.latency_s))
+
+    @property
+    def prior(self) -> FloatArray:
+        """A tenth of the distance, a fifth of the turns."""
+        return np.array((0.1, 0.2, *MOUNT_PRIOR))
+
+    def dead_reckoning(self, series: WheelSeries, parameters: FloatArray) -> DeadReckoning:
+        """Its own, stretched."""
+        return dead_reckoning(series.times_s, *(series.values * parameters[:2]).T)
+
+    def noise_arms(self, parameters: FloatArray) -> FloatArray:  # noqa: ARG002 (the same for all parameters)
+        """Forward metre for metre; the heading as if wheels half a metre apart had slipped."""
+        return np.array(((1.0, 0.0), (0.0, 1.0 / PRESUMED_TREAD_M)))
+
+    def noise_weights(self, series: WheelSeries, parameters: FloatArray, times_s: FloatArray) -> FloatArray:
+        """Metres driven; those and what the presumed wheels roll in turns."""
+        steps = np.abs(np.diff(series.values * parameters[:2], axis=0))
+        rolled = np.stack((steps[:, 0], steps[:, 0] + PRESUMED_TREAD_M * steps[:, 1]), axis=-1)
+        totals = np.vstack((np.zeros((1, 2)), np.cumsum(rolled, axis=0)))
+        return np.stack([np.interp(times_s, series.times_s, totals[:, error]) for error in range(2)], axis=-1)
+
+    def quantisation_m2(self, parameters: FloatArray) -> float:  # noqa: ARG002 (the same for all parameters)
+        """None that is known."""
+        return 0.0
+
+    def without_errors(
+        self, series: WheelSeries, parameters: FloatArray, times_s: FloatArray, errors_m: FloatArray
+    ) -> WheelSeries:
+        """Distance and heading are changed in proportion to the way meanwhile."""
+        here = self.noise_weights(series, parameters, series.times_s)
+        arms = np.diag(self.noise_arms(parameters))
+        values = series.values.copy()
+        for error in range(2):
+            begin, end = (self.noise_weights(series, parameters, times_s[:, side])[:, error] for side in range(2))
+            rate = errors_m[:, error] * arms[error] / np.maximum(end - begin, 1e-9)
+            values[:, error] -= _running(here[:, error], begin, end, rate) / parameters[error]
+        return WheelSeries(series.times_s, values, series.broken)
+
+
+def model_of(initial: Start) -> WheelModel:
+    """The model that begins there."""
+    if isinstance(initial, SteeringStart):
+        return SteeredModel(initial)
+    return PoseModel(initial) if isinstance(initial, PoseStart) else DifferentialModel(initial)
 
 
 def _running(at: FloatArray, begin: FloatArray, end: FloatArray, rate: FloatArray) -> FloatArray:

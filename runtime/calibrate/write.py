@@ -1,17 +1,22 @@
-"""A configuration file with the calibrated values in it, ready for the next run."""
+"""The calibrated values in a configuration file, new or the one that is there, ready for the next run."""
 
+import os
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import tomli_w
 
+from runtime.atomic_write import atomic_write
 from runtime.calibrate.result import Calibration, calibration_lines
-from runtime.errors import ConfigurationError, RunExistsError, StorageError
-from runtime.settings.configuration import load_configuration_text
+from runtime.errors import ConfigurationError, StorageError
+from runtime.settings.configuration import load_configuration, load_configuration_text
+from runtime.settings.trees import Tree, copy_of, take, value_at, with_value
+from slam.pose import wrap_rad
 
-Tree = dict[str, Any]
-
+UNCERTAINTIES = ("slam.odometry.radius_uncertainty", "slam.odometry.tread_uncertainty")
+LATENCIES = ("laser.stamp_offset_s", "data_set.laser_latency_s")
+UPSIDE_DOWN = "slam.mount.upside_down"
 DIRECT = {
     "wheel_radius_left_m": "vehicle.wheel_radius_left_m",
     "wheel_radius_right_m": "vehicle.wheel_radius_right_m",
@@ -33,61 +38,108 @@ LEAST = {
 }
 
 
-def write_configuration(result: Calibration, base_toml: str, path: Path) -> tuple[str, ...]:
-    """Put what was found into the configuration base_toml and write it to a new file; gives the keys that changed.
+def text_to_write_into(path: Path, config: Path | None = None) -> str | None:
+    """The text of the file that is there, else that of `config`, else None; asked before the work begins.
 
-    Refused values keep what base_toml says. Raises ConfigurationError where nothing was found or base_toml is wrong,
-    RunExistsError where the file exists, StorageError where it cannot be written.
+    Raises ConfigurationError where it is no configuration or cannot be changed, StorageError where there is no writing.
     """
-    changes = configuration_changes(result, base_toml)
+    if not path.parent.is_dir() or not os.access(path.parent, os.W_OK) or path.is_dir():
+        raise StorageError(f"{path}: cannot be written; give a file in a folder that is there and may be written to")
+    base = path if path.exists() else config
+    if base is None:
+        return None
+    load_configuration(base)
+    try:
+        text = base.read_bytes().decode()
+    except OSError as error:
+        raise StorageError(f"{base}: cannot be read ({error.strerror})") from error
+    tried = text
+    for key in (*DIRECT.values(), *UNCERTAINTIES, *LATENCIES, UPSIDE_DOWN):
+        tried = with_value(tried, key, value=False)
+    return text
+
+
+def write_configuration(result: Calibration, believed: str, path: Path, into: str | None = None) -> tuple[str, ...]:
+    """Put what was found into a text and write it to `path` whole or not at all; gives the keys that changed.
+
+    believed: the configuration that the search began with; into: the text that is changed, by default the settings of
+    `believed` that are not the defaults. Comments stay; refused values keep what is there. Raises ConfigurationError
+    where nothing was found or a text is wrong, StorageError where it cannot be written.
+    """
+    changes = configuration_changes(result, believed)
     if not changes:
         raise ConfigurationError(f"{path}: not written, because the drive showed nothing; {'; '.join(result.missing)}")
-    tree = tomllib.loads(base_toml)
+    text = _heading(result) + without_defaults(believed) if into is None else into
+    tree = tomllib.loads(text)
+    changes = {key: value for key, value in changes.items() if value_at(tree, key) != value}
     for key, value in changes.items():
-        *tables, last = key.split(".")
-        table = tree
-        for name in tables:
-            table = table.setdefault(name, {})
-        table[last] = value
-    text = "".join(f"# {line}\n" for line in calibration_lines(result)) + "\n" + tomli_w.dumps(tree)
+        text = with_value(text, key, value)
     load_configuration_text(text, source=str(path), recorded=False)
     try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError as error:
-        raise RunExistsError(f"{path}: exists already; give the name of a new file") from error
+        target = path.resolve()
+        atomic_write(target, text, target.stat().st_mode & 0o777 if target.exists() else None)
     except OSError as error:
         raise StorageError(f"{path}: cannot be written ({error.strerror}); give a folder that can") from error
     return tuple(changes)
 
 
-def configuration_changes(result: Calibration, base_toml: str) -> dict[str, float]:
+def without_defaults(text: str) -> str:
+    """A configuration's text less every line without which it says the same."""
+    tree = tomllib.loads(text)
+    whole = load_configuration_text(text, recorded=False)
+    for key in (*_leaves(tree), *tree):  # values first, then the tables that they have left empty
+        shorter = copy_of(tree)
+        if isinstance(take(shorter, key), dict) and tree[key]:
+            continue
+        try:
+            if load_configuration_text(tomli_w.dumps(shorter), recorded=False) == whole:
+                tree = shorter
+        except ConfigurationError:
+            continue
+    return tomli_w.dumps(tree)
+
+
+def _leaves(tree: Tree, path: str = "") -> Iterator[str]:
+    for name, value in tree.items():
+        key = f"{path}.{name}".lstrip(".")
+        yield from _leaves(value, key) if isinstance(value, dict) else (key,)
+
+
+def _heading(result: Calibration) -> str:
+    return "".join(f"# {line}\n" for line in calibration_lines(result)) + "\n"
+
+
+def configuration_changes(result: Calibration, base_toml: str) -> dict[str, float | bool]:
     """Key and new value of everything that was found and has a place in this configuration."""
     believed = load_configuration_text(base_toml, source="base configuration")
-    changes: dict[str, float] = {}
+    changes: dict[str, float | bool] = {}
     for name, key in DIRECT.items():
         if (quantity := result.reported(name)) is not None:
             changes[key] = max(round(quantity.value, 6), LEAST.get(key, -1e9))
+    if (yaw := result.reported("laser_yaw_rad")) is not None:
+        changes[DIRECT[yaw.name]] = round(wrap_rad(yaw.value), 6)
+    if result.mirrored:
+        changes[UPSIDE_DOWN] = not believed.slam.mount.upside_down
     changes |= _uncertainties(result)
     latency = result.reported("laser_latency_s")
     if believed.laser is not None and latency is not None:
-        changes["laser.stamp_offset_s"] = round(believed.laser.stamp_offset_s - latency.value, 6)
+        changes[LATENCIES[0]] = round(believed.laser.stamp_offset_s - latency.value, 6)
     elif latency is not None:  # a recorded data set: its importer takes it off the next time
         taken_off_s = believed.data_set.laser_latency_s if believed.data_set is not None else 0.0
-        changes["data_set.laser_latency_s"] = round(taken_off_s + latency.value, 6)
+        changes[LATENCIES[1]] = round(taken_off_s + latency.value, 6)
     return changes
 
 
-def _uncertainties(result: Calibration) -> dict[str, float]:
+def _uncertainties(result: Calibration) -> dict[str, float | bool]:
     """What the filter assumes of the constants that stay a little wrong: half an interval is two deviations."""
     shares = {}
     for name in ("wheel_radius_left_m", "wheel_radius_right_m", "tread_m"):
         if (quantity := result.reported(name)) is not None:
             shares[name] = quantity.half_width / 2.0 / quantity.value
-    changes = {}
+    changes: dict[str, float | bool] = {}
     radii = [share for name, share in shares.items() if name != "tread_m"]
     if len(radii) == 2:
-        changes["slam.odometry.radius_uncertainty"] = round(max(radii), 5)
+        changes[UNCERTAINTIES[0]] = round(max(radii), 5)
     if "tread_m" in shares:
-        changes["slam.odometry.tread_uncertainty"] = round(shares["tread_m"], 5)
+        changes[UNCERTAINTIES[1]] = round(shares["tread_m"], 5)
     return changes

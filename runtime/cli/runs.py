@@ -171,20 +171,25 @@ def view(
 def calibrate(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of recorded drives")],
     config: Annotated[Path | None, typer.Option("--config", help="start from these values")] = None,
-    write: Annotated[Path | None, typer.Option("--write", metavar="FILE", help="new configuration file")] = None,
+    write: Annotated[
+        Path | None, typer.Option("--write", metavar="FILE", help="configuration file, new or there: comments stay")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find wheel radii, tread, laser mount, latency and noise from ordinary drives, with 95 % intervals."""
+    """Find wheels, laser mount (upside down too), latency and noise from ordinary drives, with 95 % intervals."""
     from runtime.calibrate.recorded_drives import calibrate_runs
     from runtime.calibrate.result import calibration_lines
-    from runtime.calibrate.write import write_configuration
+    from runtime.calibrate.write import text_to_write_into, write_configuration
     from runtime.settings.configuration import load_configuration
 
+    into = None if write is None else text_to_write_into(write, config)
     with busy("calibrate"):
         result, believed = calibrate_runs(runs, None if config is None else load_configuration(config))
-    changed = write_configuration(result, believed.text, write) if write is not None else ()
+    changed = write_configuration(result, believed.text, write, into) if write is not None else ()
     if as_json:
-        typer.echo(json.dumps(result.as_json() | {"written": None if write is None else str(write)}))
+        typer.echo(
+            json.dumps(result.as_json() | {"written": None if write is None else str(write), "changed": list(changed)})
+        )
         return
     typer.echo("\n".join(calibration_lines(result)))
     if write is not None:

@@ -102,8 +102,8 @@ class RunFacts:
     """All that findings and the page may look at. origin_ns: stamp of the first tick.
 
     imported: recorded by software of others, whose rates and gaps are the recording's own. defects: s since the first
-    tick and reason of every step that raised.
-    stuck_encoders, calibration: what `calibrated` adds; None where `drive` has nothing to calibrate by.
+    tick and reason of every step that raised. stuck_encoders, mirrored (left and right are exchanged in the scans),
+    calibration: what `calibrated` adds; None where `drive` has nothing to calibrate by.
     """
 
     name: str
@@ -125,6 +125,7 @@ class RunFacts:
     imported: bool
     defects: tuple[tuple[float, str], ...] = ()
     stuck_encoders: tuple[StuckEncoder, ...] = ()
+    mirrored: bool = False
     calibration: Calibration | None = None
 
     @property

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.measurements import Event, FloatArray, Scan, SpeedSteering, WheelCounts
+from drivers.measurements import Event, FloatArray, OdometryPose, Scan, SpeedSteering, WheelCounts
 from runtime.calibrate.drive_data import DriveData
 from runtime.errors import UsageError
 from runtime.evaluate.evaluate import against_data_set, against_simulation, nothing_known
@@ -65,6 +65,7 @@ class Gathering:
         self._kept: list[Scan] = []
         self._samples: list[WheelCounts] = []
         self._speeds: list[SpeedSteering] = []
+        self._poses: list[OdometryPose] = []
         self._events: list[Event] = []
         self._defects: list[tuple[float, str]] = []
         self._landmarks: LandmarkMap | None = None
@@ -85,6 +86,8 @@ class Gathering:
             self._wheels.append((self._seconds(sample.stamp_ns), math.nan, math.nan, True))
             if isinstance(sample, SpeedSteering):
                 self._speeds.append(sample)
+            elif isinstance(sample, OdometryPose):
+                self._poses.append(sample)
         if tick.scan is not None:
             self._take_scan(tick.stamp_ns, tick.scan, estimate)
         if estimate is None:
@@ -174,9 +177,10 @@ class Gathering:
 
     def _drive(self, name: str) -> DriveData | None:
         """What calibration can use; None where there are no scans or no wheels."""
-        if len(self._kept) < 2 or max(len(self._samples), len(self._speeds)) < 2 or (self._samples and self._speeds):
+        kinds = [tuple(samples) for samples in (self._samples, self._speeds, self._poses) if samples]
+        if len(self._kept) < 2 or len(kinds) != 1 or len(kinds[0]) < 2:
             return None
-        return DriveData(name, tuple(self._kept), tuple(self._samples) if self._samples else tuple(self._speeds))
+        return DriveData(name, tuple(self._kept), kinds[0])  # type: ignore[arg-type]  # of one kind
 
     def _seconds(self, stamp_ns: int) -> float:
         assert self._origin_ns is not None  # set by the first tick

@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.measurements import FloatArray, WheelCounts
+from drivers.measurements import FloatArray, OdometryPose, WheelCounts
 from runtime.calibrate.calibration import calibrate
-from runtime.calibrate.drive_data import CalibrationStart, DriveData
+from runtime.calibrate.drive_data import CalibrationStart, DriveData, PoseStart
 from runtime.calibrate.recorded_drives import start_from
 from runtime.calibrate.result import Calibration
 from runtime.calibrate.scans.laser_motion import laser_motion
+from runtime.calibrate.scans.posture import UPSIDE_DOWN, posture
 from runtime.calibrate.wheel_model import DifferentialModel
 from runtime.errors import DataSetError
 from runtime.report.facts import RunFacts, StuckEncoder
@@ -31,17 +32,28 @@ def calibrated(facts: RunFacts) -> RunFacts:
     """
     stuck = tuple(_stuck_encoders(facts))
     intervals = [interval for encoder in stuck for interval in encoder.intervals]
-    return replace(facts, stuck_encoders=stuck, calibration=_calibration(facts, intervals))
+    if facts.drive is not None and isinstance(facts.drive.wheels[0], OdometryPose):
+        return replace(facts, mirrored=_is_mirrored(facts, facts.drive))  # there are no wheels that could be worn
+    calibration = _calibration(facts, intervals)
+    return replace(
+        facts, stuck_encoders=stuck, calibration=calibration, mirrored=calibration is not None and calibration.mirrored
+    )
 
 
 def _calibration(facts: RunFacts, stuck: Sequence[Interval]) -> Calibration | None:
     """None where the run has no scans or no wheels to calibrate by."""
     if facts.drive is None:
         return None
+    drive = _without(facts.drive, stuck, facts.origin_ns)
     try:
-        return calibrate([_without(facts.drive, stuck, facts.origin_ns)], start_from(facts.configuration))
+        return calibrate([drive], start_from(facts.configuration), (UPSIDE_DOWN,))
     except DataSetError:
         return None  # this kind of odometry has no wheels to compare
+
+
+def _is_mirrored(facts: RunFacts, drive: DriveData) -> bool:
+    start = start_from(facts.configuration)
+    return isinstance(start, PoseStart) and posture([drive], start, (UPSIDE_DOWN,)).mirrored
 
 
 def _without(drive: DriveData, intervals: Sequence[Interval], origin_ns: int) -> DriveData:

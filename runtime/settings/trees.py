@@ -1,9 +1,16 @@
-"""Values in nested tables, as TOML is read, by full names such as slam.odometry.gap_s."""
+"""Values in nested tables, as TOML is read, by full names such as slam.odometry.gap_s; and in the text of a file."""
 
+import re
+import tomllib
+from collections.abc import Iterator
 from typing import Any
+
+from runtime.errors import ConfigurationError
 
 Tree = dict[str, Any]
 MISSING = object()
+HEADER = re.compile(r"\s*\[\s*([^\[\]#]+?)\s*\]\s*(#.*)?")
+OLD = r"""([^\s#,}"']+|"[^"\n]*"|'[^'\n]*')"""
 
 
 def copy_of(tree: Tree) -> Tree:
@@ -46,3 +53,76 @@ def put(tree: Tree, key: str, value: Any) -> None:
     for table in tables:
         tree = tree.setdefault(table, {})
     tree[last] = value
+
+
+def with_value(text: str, key: str, value: float | bool) -> str:
+    """The text in which `key`, a full name, has this value; only its own line differs, or is new.
+
+    Raises ConfigurationError where the file writes the key in a form that cannot be changed safely.
+    """
+    wanted = _parsed(text)
+    put(wanted, key, value)
+    for candidate in _candidates(text, key.split("."), str(value).lower() if isinstance(value, bool) else repr(value)):
+        if _parsed_or_none(candidate) == wanted:
+            return candidate
+    raise ConfigurationError(f"{key} is written in a way that cannot be changed safely; give it a line in its table")
+
+
+def _candidates(text: str, parts: list[str], value: str) -> Iterator[str]:
+    """Ways to say it, the most natural first; which of them are right is found by reading them."""
+    lines = text.splitlines(keepends=True)
+    tables = _tables_of(lines)
+    for depth in range(len(parts) - 1, -1, -1):
+        path, rest = ".".join(parts[:depth]), parts[depth:]
+        mine = [number for number, table in enumerate(tables) if table == path]
+        for number in mine:
+            yield from _changed(lines, number, rest, value)
+    newline = "\r\n" if "\r\n" in text else "\n"
+    for depth in range(len(parts) - 1, -1, -1):
+        path, line = ".".join(parts[:depth]), f"{'.'.join(parts[depth:])} = {value}{newline}"
+        mine = [number for number, table in enumerate(tables) if table == path and lines[number].strip()]
+        if mine:
+            before, after = lines[: mine[-1] + 1], lines[mine[-1] + 1 :]
+            before[-1] = before[-1].rstrip("\r\n") + newline
+            yield "".join([*before, line, *after])
+        if depth == len(parts) - 1:
+            gap = "" if not text else newline if text.endswith("\n") else newline * 2
+            yield f"{text}{gap}[{path}]{newline}{line}"
+
+
+def _changed(lines: list[str], number: int, rest: list[str], value: str) -> Iterator[str]:
+    """The text with one line changed: `a.b = old`, or `a = {b = old}`."""
+    names = r"\s*\.\s*".join(rf"[\"']?{re.escape(part)}[\"']?" for part in rest)
+    patterns = [(rf"^(\s*{names}\s*=\s*){OLD}", rf"\g<1>{value}")]
+    if len(rest) > 1:
+        first, last = re.escape(rest[0]), re.escape(rest[-1])
+        patterns.append((rf"^(\s*{first}\s*=.*?[{{,]\s*{last}\s*=\s*){OLD}", rf"\g<1>{value}"))
+        patterns.append((rf"^(\s*{first}\s*=\s*\{{[^#]*?)\s*\}}", rf"\g<1>, {rest[-1]} = {value} }}"))
+        patterns.append((rf"^(\s*{first}\s*=\s*)\{{\s*\}}", rf"\g<1>{{ {rest[-1]} = {value} }}"))
+    for pattern, replacement in patterns:
+        changed, count = re.subn(pattern, replacement, lines[number], count=1)
+        if count:
+            yield "".join([*lines[:number], changed, *lines[number + 1 :]])
+
+
+def _tables_of(lines: list[str]) -> list[str]:
+    """The table that each line stands in, its own for a header."""
+    tables, table = [], ""
+    for line in lines:
+        match = HEADER.fullmatch(line.rstrip("\r\n"))
+        if match:
+            table = re.sub(r"""["'\s]""", "", match[1])
+        tables.append(table)
+    return tables
+
+
+def _parsed(text: str) -> Tree:
+    tree: dict[str, Any] = tomllib.loads(text)
+    return tree
+
+
+def _parsed_or_none(text: str) -> Tree | None:
+    try:
+        return _parsed(text)
+    except tomllib.TOMLDecodeError:
+        return None

@@ -41,8 +41,11 @@ class LaserMotion:
     failed: int
 
 
-def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray) -> LaserMotion:
-    """Choose keyframes by the wheels, undo the motion within each sweep, and match each with the one before."""
+def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray, most: int = MOST_STEPS) -> LaserMotion:
+    """Choose keyframes by the wheels, undo the motion within each sweep, and match each with the one before.
+
+    most: pairs of keyframes, taken evenly from the drive.
+    """
     series = drive.wheel_series()
     stamps = drive.scan_times_s()
     mount, latency = parameters[-4:-1], float(parameters[-1])
@@ -63,7 +66,8 @@ def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray) ->
     # the same keyframes in every pass: a step more or less would move the result by a part of its interval
     start = model.start
     chosen = keyframes(model.dead_reckoning(series, start), stamps - start[-1], known)
-    pairs = list(pairwise(chosen))[::-1]
+    pairs = list(pairwise(chosen))
+    pairs = pairs[:: max(1, len(pairs) // most)][::-1]
     while pairs:
         there, here = pairs.pop()
         if _silence(series, true_s[there], true_s[here]):

@@ -73,14 +73,34 @@ def geometry_rows(facts: RunFacts) -> tuple[GeometryRow, ...]:
 
 def geometry_findings(facts: RunFacts) -> list[Finding]:
     """Deviations that are both certain and large enough to matter, as few as explain the run."""
+    mirrored = _mirrored(facts)
     if facts.calibration is None:
-        return []
+        return mirrored
     fit = _fit(facts)
     if fit is None:
-        return _disagreement(facts.calibration)
+        return mirrored or _disagreement(facts.calibration)
     directions = {name: fit.direction({name: 1.0}) for name in fit.names if not name.startswith("wheel_radius")}
     causes = single_causes(fit, {name: fit.direction(shares) for name, shares in WHEELS.items()} | directions)
-    return [*_radii(fit, causes), *_others(fit, causes)]
+    return [*mirrored, *_radii(fit, causes), *_others(fit, causes)]
+
+
+def _mirrored(facts: RunFacts) -> list[Finding]:
+    """The laser turns left where the wheels turn right."""
+    if not facts.mirrored:
+        return []
+    believed = facts.configuration.slam.mount.upside_down
+    return [
+        Finding(
+            "laser_mirrored",
+            Severity.ERROR,
+            "The scans are mirrored: they turn to the left where the wheels turn to the right",
+            ("wheels and scans agree once left and right are exchanged in every scan, and do not as configured",),
+            "the laser stands upright, and the configuration says upside down"
+            if believed
+            else "the laser hangs upside down, or its beams are taken for counter-clockwise",
+            f"set slam.mount.upside_down = {str(not believed).lower()}",
+        )
+    ]
 
 
 def _fit(facts: RunFacts) -> Fit | None:

@@ -1,12 +1,14 @@
 import math
+import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from runtime.calibrate.result import Calibration, Quantity, calibration_lines
-from runtime.calibrate.write import configuration_changes, write_configuration
-from runtime.errors import ConfigurationError, RunExistsError, StorageError
-from runtime.settings.configuration import load_configuration
+from runtime.calibrate.write import configuration_changes, text_to_write_into, write_configuration
+from runtime.errors import ConfigurationError, StorageError
+from runtime.settings.configuration import load_configuration, load_configuration_text
 
 BASE = """
 rover = "calibrated"
@@ -76,12 +78,90 @@ def test_the_file_says_where_its_values_come_from(tmp_path: Path) -> None:
     assert all(f"# {line}" in text for line in calibration_lines(FOUND))
 
 
-def test_a_file_that_exists_is_not_overwritten(tmp_path: Path) -> None:
+MINE = """# my rover
+rover = "calibrated"  # its name
+
+[vehicle]  # measured with a ruler
+tread_m = 0.5     # between the middles of the tyres
+wheel_radius_left_m = 0.125
+[slam]
+mount = {x_m = 0.25, yaw_rad = 0.0}  # on the roof
+odometry.slip_m_per_sqrt_m = 0.02
+[laser]
+url = "tcp://192.168.0.10:10940"
+stamp_offset_s = -0.01
+[encoders]
+"""
+
+
+def test_a_file_that_is_there_keeps_its_comments_and_all_that_was_not_found(tmp_path: Path) -> None:
+    path = tmp_path / "rover.toml"
+    path.write_text(MINE)
+    path.chmod(0o640)
+    into = text_to_write_into(path)
+    assert into == MINE
+    changed = write_configuration(FOUND, MINE, path, into)
+    text = path.read_text()
+    assert {"slam.mount.x_m", "vehicle.tread_m", "laser.stamp_offset_s"} <= set(changed)
+    assert "tread_m = 0.512     # between the middles of the tyres\n" in text
+    assert "mount = {x_m = 0.31, yaw_rad = 0.02}  # on the roof\n" in text
+    assert "odometry.slip_m_per_sqrt_m = 0.008\n" in text
+    assert "y_m" not in text
+    assert [line.partition("#")[2] for line in MINE.splitlines() if "#" in line] == [
+        line.partition("#")[2] for line in text.splitlines() if "#" in line
+    ]
+    after = load_configuration(path)
+    assert after.slam.front_end.sigma_range_m == 0.012
+    assert path.stat().st_mode & 0o777 == 0o640
+    assert [name.name for name in tmp_path.iterdir()] == ["rover.toml"]
+
+
+def test_what_was_found_as_it_stands_there_is_no_change(tmp_path: Path) -> None:
+    path = tmp_path / "rover.toml"
+    path.write_text(MINE)
+    write_configuration(FOUND, MINE, path, MINE)
+    first = path.read_text()
+    assert write_configuration(FOUND, MINE, path, first) == ()
+    assert path.read_text() == first
+
+
+def test_a_new_file_holds_only_what_is_no_default(tmp_path: Path) -> None:
     path = tmp_path / "calibrated.toml"
-    path.write_text("mine")
-    with pytest.raises(RunExistsError, match="exists already"):
-        write_configuration(FOUND, BASE, path)
-    assert path.read_text() == "mine"
+    write_configuration(FOUND, load_configuration_text(BASE).text, path)
+    tree = tomllib.loads(path.read_text())
+    assert set(tree) == {"rover", "vehicle", "slam", "laser", "encoders"}
+    assert set(tree["laser"]) == {"stamp_offset_s"}
+    assert set(tree["slam"]) == {"odometry", "mount", "front_end"}
+
+
+def test_a_new_file_takes_the_comments_of_the_configuration_that_was_given(tmp_path: Path) -> None:
+    (tmp_path / "given.toml").write_text(MINE)
+    path = tmp_path / "new.toml"
+    write_configuration(FOUND, MINE, path, text_to_write_into(path, tmp_path / "given.toml"))
+    assert path.read_text().startswith("# my rover\n")
+    assert (tmp_path / "given.toml").read_text() == MINE
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "error"),
+    [("rover.toml", "mine", ConfigurationError), ("no/rover.toml", None, StorageError)],
+)
+def test_where_nothing_can_be_written_is_found_before_the_work_begins(
+    tmp_path: Path, name: str, content: str | None, error: type[Exception]
+) -> None:
+    path = tmp_path / name
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(error):
+        text_to_write_into(path)
+
+
+def test_a_laser_that_turned_out_to_hang_upside_down_is_written() -> None:
+    changes = configuration_changes(replace(FOUND, mirrored=True), BASE)
+    assert changes["slam.mount.upside_down"] is True
+    hanging = BASE + "[slam.mount]\nupside_down = true\n"
+    assert configuration_changes(replace(FOUND, mirrored=True), hanging)["slam.mount.upside_down"] is False
+    assert "slam.mount.upside_down" not in configuration_changes(FOUND, hanging)
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:

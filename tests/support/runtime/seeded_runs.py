@@ -249,6 +249,11 @@ def blind(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:
     return [replace(d, scan=None) if between(d, start, start + 4.0) else d for d in drafts]
 
 
+def upside_down(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:
+    """The laser hangs under the rover."""
+    return [replace(d, scan=d.scan.mirrored() if d.scan is not None else None) for d in drafts]
+
+
 FAULTS: dict[str, tuple[Rover, Fault | None, float, str]] = {
     "laser_silent": (Rover(), laser_silent, 30.0, "laser_silent"),
     "odometry_silent": (Rover(), odometry_silent, 30.0, "odometry_silent"),
@@ -270,6 +275,7 @@ FAULTS: dict[str, tuple[Rover, Fault | None, float, str]] = {
     "tread": (Rover(tread_m=0.56), None, 60.0, "tread"),
     "laser_yaw_1.8_deg": (Rover(mount=(0.3, 0.0, np.radians(1.8))), None, 60.0, "laser_yaw"),
     "laser_yaw": (Rover(mount=(0.3, 0.0, 0.06)), None, 60.0, "laser_yaw"),
+    "upside_down": (Rover(), upside_down, 30.0, "laser_mirrored"),
     "laser_latency": (Rover(latency_s=0.09), None, 60.0, "laser_latency"),
 }
 """Name: the rover as it really is, what happens to its data, seconds, and the kind of finding that must be named."""

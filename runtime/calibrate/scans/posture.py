@@ -1,0 +1,94 @@
+"""How the laser hangs on the rover: upside down, backwards or sideways, where wheels and scans agree only so."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.measurements import BoolArray
+from runtime.calibrate.dead_reckoning import seen_by_laser
+from runtime.calibrate.drive_data import DriveData, Start
+from runtime.calibrate.scans.laser_motion import LaserMotion, laser_motion
+from runtime.calibrate.wheel_model import WheelModel, model_of
+from slam.pose import Pose2, composed, inverted, wrap_rads
+
+TRIED_STEPS = 150  # of each drive show it
+AGREEING = 0.6  # share of the steps from which on nothing else is tried
+CLEARLY = 1.5  # times as many steps must agree as before
+LEAST_TURN_RAD = 0.1  # of a step that tells left from right
+LEAST_TURNS = 8
+ALLOWED_M, ALLOWED_RAD, ALLOWED_SHARE = 0.05, 0.05, 0.25  # an unknown mount and slipping wheels are no other posture
+
+
+@dataclass(frozen=True, slots=True)
+class Posture:
+    """Against what is believed: mirrored (left and right exchanged), turned_rad (to the left)."""
+
+    mirrored: bool = False
+    turned_rad: float = 0.0
+
+
+UPSIDE_DOWN = Posture(mirrored=True)
+OTHERS = (
+    UPSIDE_DOWN,
+    *(Posture(mirrored, turned) for mirrored in (False, True) for turned in (math.pi, 0.5 * math.pi, -0.5 * math.pi)),
+)
+"""In the order in which they are tried."""
+
+
+def posture(drives: Sequence[DriveData], start: Start, others: Sequence[Posture] = OTHERS) -> Posture:
+    """The first posture in which wheels and laser agree; what is believed where there is none."""
+    model = model_of(start)
+    believed = agreement(drives, model)
+    if believed.share >= AGREEING:
+        return Posture()
+    for other in others:
+        turned, begun = taken(drives, start, other)
+        found = agreement(turned, model_of(begun))
+        enough = (found.turns if other.mirrored else found.steps) >= LEAST_TURNS
+        if enough and found.share >= max(AGREEING, CLEARLY * believed.share):
+            return other
+    return Posture()
+
+
+def taken(drives: Sequence[DriveData], start: Start, found: Posture) -> tuple[Sequence[DriveData], Start]:
+    """Drives and start as they are in this posture."""
+    if found.mirrored:
+        drives = [replace(drive, scans=tuple(scan.mirrored() for scan in drive.scans)) for drive in drives]
+    heading = float(wrap_rads(np.array(start.body_from_laser.heading_rad + found.turned_rad)))
+    mount = Pose2(start.body_from_laser.x_m, start.body_from_laser.y_m, heading)
+    return drives, replace(start, body_from_laser=mount)
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """share: of the steps tried, those on which wheels and laser agree; steps, turns: how many, and how many turned."""
+
+    share: float
+    steps: int
+    turns: int
+
+
+def agreement(drives: Sequence[DriveData], model: WheelModel) -> Agreement:
+    """How far the laser's own account of the drives is what the wheels say."""
+    motions = [laser_motion(drive, model, model.start, TRIED_STEPS) for drive in drives]
+    agreeing = [_agreeing(motion, model) for motion in motions]
+    tried = sum(len(motion.means) + motion.failed for motion in motions)
+    turned_rad = [motion.means[good, 2] for motion, good in zip(motions, agreeing, strict=True)]
+    turns = sum(int((np.abs(turned) > LEAST_TURN_RAD).sum()) for turned in turned_rad)
+    steps = sum(int(good.sum()) for good in agreeing)
+    return Agreement(steps / max(tried, 1), steps, turns)
+
+
+def _agreeing(motion: LaserMotion, model: WheelModel) -> BoolArray:
+    """(n,) which steps are what the wheels say."""
+    poses = model.dead_reckoning(motion.series, model.start).at(motion.times_s.ravel() - model.start[-1])
+    body = composed(inverted(poses[::2]), poses[1::2])
+    told = seen_by_laser(body, model.start[-4:-1])
+    off_m = np.hypot(*(told - motion.means)[:, :2].T)
+    off_rad = np.abs(wrap_rads(told[:, 2] - motion.means[:, 2]))
+    turned = np.abs(told[:, 2])
+    allowed_m = ALLOWED_M + ALLOWED_SHARE * (np.hypot(*told[:, :2].T) + turned)  # the mount may be half a metre off
+    agreeing: BoolArray = (off_m < allowed_m) & (off_rad < ALLOWED_RAD + ALLOWED_SHARE * turned)
+    return agreeing
