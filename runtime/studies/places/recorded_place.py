@@ -54,7 +54,7 @@ def recorded_place(
     if truth is not None:
         return result | truth_figures(drive, truth, body_from_laser)
     cells = {
-        whose: occupied_cells(scans, path, body_from_laser)
+        whose: occupied_cells(map(mount.upright, scans), path, body_from_laser)
         for whose, path in (("published", drive.published), ("odometry", drive.odometry))
     }
     result |= {f"{whose}_cells": count for whose, count in cells.items()}
