@@ -81,7 +81,7 @@ class PresetLayout(NodeAddresses):
 
     kind: Literal["preset"]
     name: Literal["odrive", "odrive_counts", "vesc", "cia402"] = Field(
-        description="which controller; odrive_counts where encoder_count_rate_ms is set"
+        description="which controller, by its maker's name; odrive_counts where its encoder_count_rate_ms is set"
     )
 
 

@@ -97,7 +97,12 @@ class WorldSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    seed: int = Field(default=1, ge=0, le=2**32 - 1, description="draws places, sizes, walks and measurement noise")
+    seed: int = Field(
+        default=1,
+        ge=0,
+        le=2**32 - 1,
+        description="draws places, sizes, walks and measurement noise. Change it for another park",
+    )
     margin_m: float = Field(default=16.0, ge=2.0, le=200.0, description="how far the park reaches beyond the course, m")
     clearance_m: float = Field(default=1.2, ge=0.5, le=10.0, description="nothing fixed is nearer to the course, m")
     poles: int = Field(default=14, ge=0, le=2000, description="thin posts, radius 0.03 to 0.08 m")

@@ -21,7 +21,7 @@ class VehicleSettings(BaseModel):
     motion_model: Literal["differential", "steered", "speed_yaw_rate", "pose"] = Field(
         default="differential",
         description="what the wheels tell: counts of two wheels, speed and steering angle, speed and yaw rate, or "
-        "poses of a robot's own odometry. A live rover is differential",
+        "poses of a robot's own odometry. A live rover is differential; for a log, what its columns hold",
     )
     wheel_radius_left_m: float = Field(
         default=0.125,
@@ -54,7 +54,8 @@ class VehicleSettings(BaseModel):
         default=0.76,
         ge=-5.0,
         le=5.0,
-        description="m by which the wheel whose speed is measured stands left of the centre (steered only)",
+        description="m by which the wheel whose speed is measured stands left of the centre (steered only). "
+        "From the drawing",
     )
     steering_scale: float = Field(
         default=1.0,

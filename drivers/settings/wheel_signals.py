@@ -25,13 +25,15 @@ class WheelSignals(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     message: str = Field(
-        description="name of the message in the DBC that carries this wheel",
+        description="name of the message that carries this wheel, as the DBC has it",
     )
     frame_id: int = Field(
         default=-1, ge=-1, le=0x1FFFFFFF, description="in place of the message's own id; -1: keeps it"
     )
     count: str = Field(
-        default="", description="signal of the cumulative position; empty for a device that sends only its speed"
+        default="",
+        description="signal of the cumulative position, as the DBC names it; empty for a device that sends only its "
+        "speed",
     )
     counts_per_unit: float = Field(
         default=1.0,
@@ -39,7 +41,9 @@ class WheelSignals(BaseModel):
         description="counts in one unit of the scaled position: change it where the DBC scales to turns or metres",
     )
     speed: str = Field(
-        default="", description="signal of the speed; integrated where there is no position, compared with it elsewhere"
+        default="",
+        description="signal of the speed, as the DBC names it; integrated where there is no position, compared with it "
+        "elsewhere",
     )
     speed_unit: SpeedUnit = Field(
         default="counts_per_period", description="unit of the scaled speed, as the DBC's scale leaves it"
@@ -105,8 +109,8 @@ class NodeAddresses(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    left_node: int = Field(ge=0, le=255, description="node number of the left wheel")
-    right_node: int = Field(ge=0, le=255, description="node number of the right wheel")
+    left_node: int = Field(ge=0, le=255, description="node number of the left wheel: its setup tool says it")
+    right_node: int = Field(ge=0, le=255, description="node number of the right wheel, found likewise")
 
     @model_validator(mode="after")
     def _nodes_differ(self) -> Self:

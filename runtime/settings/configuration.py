@@ -37,8 +37,14 @@ class Configuration(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    rover: str = Field("infant", pattern=r"^[A-Za-z0-9_-]{1,32}$", description="name in every key that is published")
-    seed: int = Field(1, ge=0, le=2**32 - 1, description="seeds the filter")
+    rover: str = Field(
+        "infant",
+        pattern=r"^[A-Za-z0-9_-]{1,32}$",
+        description="name in every key that is published. Give each rover of a fleet its own",
+    )
+    seed: int = Field(
+        1, ge=0, le=2**32 - 1, description="seeds the filter. Any number; change it to see what of a result is chance"
+    )
     vehicle: VehicleSettings = VehicleSettings()
     slam: SlamSettings = SlamSettings()
     laser: LaserSettings | None = None

@@ -13,6 +13,7 @@ from slam.settings.odometry import OdometrySettings
 from slam.settings.quality import QualitySettings
 from slam.settings.tuning import Proposal, Strategy, Tuning
 
+OFF_TO_COMPARE = "Off only to compare: --without"
 Seen = TypeVar("Seen", Scan, ScanLike)
 
 
@@ -21,14 +22,27 @@ class TechniqueSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    difference: bool = Field(default=True, description="keep only what an earlier scan saw as well (III-A-1)")
-    sparse: bool = Field(default=True, description="minimum spacing of features, 0.10 m (III-A-2)")
-    density: bool = Field(
-        default=True, description="threshold by distance to the neighbouring landmark (5); off: fixed gate"
+    difference: bool = Field(
+        default=True, description=f"keep only what an earlier scan saw as well (III-A-1). {OFF_TO_COMPARE} difference"
     )
-    existence: bool = Field(default=True, description="log-odds per landmark and removal (6)")
-    exclusivity: bool = Field(default=True, description="one feature per landmark and scan (III-B-2)")
-    range: bool = Field(default=True, description="likelihoods only for landmarks that can be in view (III-B-3)")
+    sparse: bool = Field(
+        default=True, description=f"minimum spacing of features, 0.10 m (III-A-2). {OFF_TO_COMPARE} sparse"
+    )
+    density: bool = Field(
+        default=True,
+        description="threshold by distance to the neighbouring landmark (5); off: fixed gate. "
+        f"{OFF_TO_COMPARE} density",
+    )
+    existence: bool = Field(
+        default=True, description=f"log-odds per landmark and removal (6). {OFF_TO_COMPARE} existence"
+    )
+    exclusivity: bool = Field(
+        default=True, description=f"one feature per landmark and scan (III-B-2). {OFF_TO_COMPARE} exclusivity"
+    )
+    range: bool = Field(
+        default=True,
+        description=f"likelihoods only for landmarks that can be in view (III-B-3). {OFF_TO_COMPARE} range",
+    )
 
 
 class MountSettings(BaseModel):
@@ -39,13 +53,19 @@ class MountSettings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    x_m: float = Field(default=0.0, ge=-20, le=20, description="m ahead of the middle of the wheels' axle")
-    y_m: float = Field(default=0.0, ge=-20, le=20, description="m left of it")
+    x_m: float = Field(
+        default=0.0,
+        ge=-20,
+        le=20,
+        description="m ahead of the middle of the wheels' axle. A ruler or `infant calibrate` finds it",
+    )
+    y_m: float = Field(default=0.0, ge=-20, le=20, description="m left of it, found likewise")
     yaw_rad: float = Field(
         default=0.0,
         ge=-math.pi,
         le=math.pi,
-        description="rad by which it is turned to the left; a laser that looks backwards has pi",
+        description="rad by which it is turned to the left; a laser that looks backwards has pi. `infant calibrate` "
+        "finds it",
     )
 
     upside_down: bool = Field(

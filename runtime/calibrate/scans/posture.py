@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.measurements import BoolArray
+from drivers.measurements import BoolArray, FloatArray
 from runtime.calibrate.dead_reckoning import seen_by_laser
 from runtime.calibrate.drive_data import DriveData, Start
 from runtime.calibrate.scans.laser_motion import LaserMotion, laser_motion
@@ -15,7 +15,8 @@ from slam.pose import Pose2, composed, inverted, wrap_rads
 
 TRIED_STEPS = 150  # of each drive show it
 AGREEING = 0.6  # share of the steps from which on nothing else is tried
-CLEARLY = 1.5  # times as many steps must agree as before
+ENOUGH = 0.4  # share of the steps that must agree for another posture to be believed, ...
+CLEARLY = 2.0  # ... and how many times as many as in the one before
 LEAST_TURN_RAD = 0.1  # of a step that tells left from right
 LEAST_TURNS = 8
 ALLOWED_M, ALLOWED_RAD, ALLOWED_SHARE = 0.05, 0.05, 0.25  # an unknown mount and slipping wheels are no other posture
@@ -47,7 +48,7 @@ def posture(drives: Sequence[DriveData], start: Start, others: Sequence[Posture]
         turned, begun = taken(drives, start, other)
         found = agreement(turned, model_of(begun))
         enough = (found.turns if other.mirrored else found.steps) >= LEAST_TURNS
-        if enough and found.share >= max(AGREEING, CLEARLY * believed.share):
+        if enough and found.share >= max(ENOUGH, CLEARLY * believed.share):
             return other
     return Posture()
 
@@ -63,7 +64,9 @@ def taken(drives: Sequence[DriveData], start: Start, found: Posture) -> tuple[Se
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """share: of the steps tried, those on which wheels and laser agree; steps, turns: how many, and how many turned."""
+    """share: of the steps tried, those on which wheels and laser agree, or of those that turned if it is less: a
+    straight way looks the same in a mirror. steps, turns: how many of each agree.
+    """
 
     share: float
     steps: int
@@ -72,22 +75,29 @@ class Agreement:
 
 def agreement(drives: Sequence[DriveData], model: WheelModel) -> Agreement:
     """How far the laser's own account of the drives is what the wheels say."""
-    motions = [laser_motion(drive, model, model.start, TRIED_STEPS) for drive in drives]
-    agreeing = [_agreeing(motion, model) for motion in motions]
-    tried = sum(len(motion.means) + motion.failed for motion in motions)
-    turned_rad = [motion.means[good, 2] for motion, good in zip(motions, agreeing, strict=True)]
-    turns = sum(int((np.abs(turned) > LEAST_TURN_RAD).sum()) for turned in turned_rad)
-    steps = sum(int(good.sum()) for good in agreeing)
-    return Agreement(steps / max(tried, 1), steps, turns)
+    tried = 0
+    agree, turned = np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.bool_)
+    for drive in drives:
+        motion = laser_motion(drive, model, model.start, TRIED_STEPS)
+        told = _told(motion, model)
+        tried += len(told) + motion.failed
+        agree = np.append(agree, _agreeing(told, motion.means))
+        turned = np.append(turned, np.abs(told[:, 2]) > LEAST_TURN_RAD)
+    share = agree.sum() / max(tried, 1)
+    if turned.sum() >= LEAST_TURNS:
+        share = min(share, agree[turned].mean())
+    return Agreement(float(share), int(agree.sum()), int(agree[turned].sum()))
 
 
-def _agreeing(motion: LaserMotion, model: WheelModel) -> BoolArray:
-    """(n,) which steps are what the wheels say."""
+def _told(motion: LaserMotion, model: WheelModel) -> FloatArray:
+    """(n, 3) the motion of the laser as the wheels tell it."""
     poses = model.dead_reckoning(motion.series, model.start).at(motion.times_s.ravel() - model.start[-1])
-    body = composed(inverted(poses[::2]), poses[1::2])
-    told = seen_by_laser(body, model.start[-4:-1])
-    off_m = np.hypot(*(told - motion.means)[:, :2].T)
-    off_rad = np.abs(wrap_rads(told[:, 2] - motion.means[:, 2]))
+    return seen_by_laser(composed(inverted(poses[::2]), poses[1::2]), model.start[-4:-1])
+
+
+def _agreeing(told: FloatArray, seen: FloatArray) -> BoolArray:
+    """(n,) which steps, (n, 3) each, are the same but for an unknown mount and wheels that slip."""
+    off_m, off_rad = np.hypot(*(told - seen)[:, :2].T), np.abs(wrap_rads(told[:, 2] - seen[:, 2]))
     turned = np.abs(told[:, 2])
     allowed_m = ALLOWED_M + ALLOWED_SHARE * (np.hypot(*told[:, :2].T) + turned)  # the mount may be half a metre off
     agreeing: BoolArray = (off_m < allowed_m) & (off_rad < ALLOWED_RAD + ALLOWED_SHARE * turned)
