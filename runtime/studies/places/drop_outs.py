@@ -15,7 +15,7 @@ from slam.settings.slam import SlamSettings
 
 SHARES = (0.05, 0.2, 0.5)
 PARK, CORRIDOR = "park", "building"
-PARK_S, BUILDING_LAPS, RATE_HZ = 60.0, 0.3, 10.0
+PARK_S, BUILDING_LAPS, RATE_HZ = 40.0, 0.15, 10.0
 
 
 def drop_out_drive(
