@@ -10,7 +10,7 @@ from runtime.calibrate.drive_data import CalibrationStart, DriveData, PoseStart,
 from runtime.calibrate.result import Calibration, Quantity
 from runtime.calibrate.richness import MotionCoverage, measures
 from runtime.calibrate.scans.laser_motion import LaserMotion, laser_motion
-from runtime.calibrate.scans.posture import OTHERS, Posture, posture, taken
+from runtime.calibrate.scans.orientation import OTHERS, Orientation, orientation, oriented
 from runtime.calibrate.scans.range_noise import RangeNoise, range_noise
 from runtime.calibrate.single_causes import Fit
 from runtime.calibrate.solve import LATENCY_BOUND_S, Solution, solve
@@ -65,17 +65,17 @@ NEEDS = {
 }
 
 
-def calibrate(drives: Sequence[DriveData], initial: Start, postures: Sequence[Posture] = OTHERS) -> Calibration:
+def calibrate(drives: Sequence[DriveData], initial: Start, orientations: Sequence[Orientation] = OTHERS) -> Calibration:
     """Calibrate from all drives together. What they do not show is refused with a reason, never guessed.
 
     Scans are those of an upright laser, as far as is believed; where wheels and laser agree only if it hangs the other
-    way up, or looks elsewhere, the result says so and is the calibration of that. postures: what is tried then.
+    way up, or looks elsewhere, the result says so and is the calibration of that. orientations: what is tried then.
     Raises DataSetError where there are no drives, scans or wheels, or the wheels are of another kind than `initial`.
     """
     check_drives(drives)
     _check_kind(drives, initial)
-    hangs = posture(drives, initial, postures)
-    drives, initial = taken(drives, initial, hangs)
+    hangs = orientation(drives, initial, orientations)
+    drives, initial = oriented(drives, initial, hangs)
     model = model_of(initial)
     values = model.start
     motions, solution = _matched_and_solved(drives, model, values)
@@ -102,7 +102,7 @@ def calibrate(drives: Sequence[DriveData], initial: Start, postures: Sequence[Po
         sum(motion.failed for motion in motions),
         None if trouble else Fit(model.names, model.start, solution.parameters, solution.covariance, steps),
         contradicts_start,
-        hangs.mirrored,
+        hangs,
     )
 
 

@@ -1,9 +1,11 @@
 """What a calibration found: values with 95 % intervals, and what it could not determine and why."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
 from runtime.calibrate.richness import MotionCoverage
+from runtime.calibrate.scans.orientation import AS_BELIEVED, Orientation
 from runtime.calibrate.single_causes import Fit
 
 SCALES = ("distance_scale", "turn_scale", "speed_scale")
@@ -35,8 +37,8 @@ class Calibration:
 
     steps: pieces of way on which wheels and laser agree; left_out: on which they do not; unmatched: seen too little of.
     fit: all parameters together, None where nothing of it can be believed. contradicts_start: that is so because wheels
-    and laser disagree, or the result is too far from the start to be wear. mirrored: left and right are exchanged in
-    the scans, against what was believed (slam.mount.upside_down).
+    and laser disagree, or the result is too far from the start to be wear. orientation: of the laser, against what
+    was believed.
     """
 
     drives: tuple[str, ...]
@@ -48,7 +50,7 @@ class Calibration:
     unmatched: int
     fit: Fit | None = field(default=None, compare=False)
     contradicts_start: bool = False
-    mirrored: bool = False
+    orientation: Orientation = AS_BELIEVED
 
     @property
     def rich(self) -> bool:
@@ -78,7 +80,8 @@ class Calibration:
             "steps": self.steps,
             "left_out": self.left_out,
             "unmatched": self.unmatched,
-            "mirrored": self.mirrored,
+            "mirrored": self.orientation.mirrored,
+            "turned_rad": self.orientation.turned_rad,
         }
 
 
@@ -96,8 +99,13 @@ def calibration_lines(result: Calibration) -> list[str]:
             aside = f"  ({NO_SETTING})" if quantity.name in SCALES else ""
             span = f"95 %: {quantity.low:.5f} to {quantity.high:.5f}"
             lines.append(f"{quantity.name:24s} {quantity.value:10.5f}  {span}{aside}")
-    if result.mirrored:
-        lines.append("the laser hangs the other way up than configured: left and right are exchanged in its scans")
+    if result.orientation.mirrored:
+        lines.append(
+            "the laser hangs the other way up than configured: left and right are exchanged in its scans "
+            "(or the left and the right wheel are exchanged: then the map comes out mirrored)"
+        )
+    if turned_rad := result.orientation.turned_rad:
+        lines.append(f"the laser is turned by {math.degrees(turned_rad):+.0f} deg from its configured yaw")
     lines += [f"missing: {sentence}" for sentence in result.missing]
     return lines
 

@@ -118,7 +118,7 @@ def configuration_changes(result: Calibration, base_toml: str) -> dict[str, floa
             changes[key] = max(round(quantity.value, 6), LEAST.get(key, -1e9))
     if (yaw := result.reported("laser_yaw_rad")) is not None:
         changes[DIRECT[yaw.name]] = round(wrap_rad(yaw.value), 6)
-    if result.mirrored:
+    if result.orientation.mirrored:
         changes[UPSIDE_DOWN] = not believed.slam.mount.upside_down
     changes |= _uncertainties(result)
     latency = result.reported("laser_latency_s")

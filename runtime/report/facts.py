@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from drivers.measurements import BoolArray, Event, FloatArray
 from runtime.calibrate.drive_data import DriveData
 from runtime.calibrate.result import Calibration
+from runtime.calibrate.scans.orientation import AS_BELIEVED, Orientation
 from runtime.messages.tick import Gap
 from runtime.settings.configuration import Configuration
 from slam.estimate import LandmarkMap
@@ -102,8 +103,8 @@ class RunFacts:
     """All that findings and the page may look at. origin_ns: stamp of the first tick.
 
     imported: recorded by software of others, whose rates and gaps are the recording's own. defects: s since the first
-    tick and reason of every step that raised. stuck_encoders, mirrored (left and right are exchanged in the scans),
-    calibration: what `calibrated` adds; None where `drive` has nothing to calibrate by.
+    tick and reason of every step that raised. stuck_encoders, orientation (of the laser, against the
+    configuration), calibration: what `calibrated` adds; None where `drive` has nothing to calibrate by.
     """
 
     name: str
@@ -125,7 +126,7 @@ class RunFacts:
     imported: bool
     defects: tuple[tuple[float, str], ...] = ()
     stuck_encoders: tuple[StuckEncoder, ...] = ()
-    mirrored: bool = False
+    orientation: Orientation = AS_BELIEVED
     calibration: Calibration | None = None
 
     @property

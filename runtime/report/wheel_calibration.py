@@ -11,7 +11,7 @@ from runtime.calibrate.drive_data import CalibrationStart, DriveData, PoseStart
 from runtime.calibrate.recorded_drives import start_from
 from runtime.calibrate.result import Calibration
 from runtime.calibrate.scans.laser_motion import laser_motion
-from runtime.calibrate.scans.posture import UPSIDE_DOWN, posture
+from runtime.calibrate.scans.orientation import AS_BELIEVED, Orientation, orientation
 from runtime.calibrate.wheel_model import DifferentialModel
 from runtime.errors import DataSetError
 from runtime.report.facts import RunFacts, StuckEncoder
@@ -33,11 +33,10 @@ def calibrated(facts: RunFacts) -> RunFacts:
     stuck = tuple(_stuck_encoders(facts))
     intervals = [interval for encoder in stuck for interval in encoder.intervals]
     if facts.drive is not None and isinstance(facts.drive.wheels[0], OdometryPose):
-        return replace(facts, mirrored=_is_mirrored(facts, facts.drive))  # there are no wheels that could be worn
+        return replace(facts, orientation=_orientation(facts, facts.drive))  # there are no wheels that could be worn
     calibration = _calibration(facts, intervals)
-    return replace(
-        facts, stuck_encoders=stuck, calibration=calibration, mirrored=calibration is not None and calibration.mirrored
-    )
+    found = AS_BELIEVED if calibration is None else calibration.orientation
+    return replace(facts, stuck_encoders=stuck, calibration=calibration, orientation=found)
 
 
 def _calibration(facts: RunFacts, stuck: Sequence[Interval]) -> Calibration | None:
@@ -46,14 +45,14 @@ def _calibration(facts: RunFacts, stuck: Sequence[Interval]) -> Calibration | No
         return None
     drive = _without(facts.drive, stuck, facts.origin_ns)
     try:
-        return calibrate([drive], start_from(facts.configuration), (UPSIDE_DOWN,))
+        return calibrate([drive], start_from(facts.configuration))
     except DataSetError:
         return None  # this kind of odometry has no wheels to compare
 
 
-def _is_mirrored(facts: RunFacts, drive: DriveData) -> bool:
+def _orientation(facts: RunFacts, drive: DriveData) -> Orientation:
     start = start_from(facts.configuration)
-    return isinstance(start, PoseStart) and posture([drive], start, (UPSIDE_DOWN,)).mirrored
+    return orientation([drive], start) if isinstance(start, PoseStart) else AS_BELIEVED
 
 
 def _without(drive: DriveData, intervals: Sequence[Interval], origin_ns: int) -> DriveData:

@@ -9,6 +9,7 @@ from runtime.calibrate.result import Calibration
 from runtime.calibrate.single_causes import Cause, Fit, single_causes
 from runtime.report.facts import GeometryRow, RunFacts
 from runtime.report.finding import Finding
+from slam.pose import wrap_rad
 
 LEAST_RADIUS = 0.004  # share; less is a degree in ten metres of way and within a tyre's pressure
 LEAST_TREAD = 0.02  # share; the same in a full turn is 7 deg
@@ -73,20 +74,20 @@ def geometry_rows(facts: RunFacts) -> tuple[GeometryRow, ...]:
 
 def geometry_findings(facts: RunFacts) -> list[Finding]:
     """Deviations that are both certain and large enough to matter, as few as explain the run."""
-    mirrored = _mirrored(facts)
+    oriented = [*_mirrored(facts), *_turned(facts)]
     if facts.calibration is None:
-        return mirrored
+        return oriented
     fit = _fit(facts)
     if fit is None:
-        return mirrored or _disagreement(facts.calibration)
+        return oriented or _disagreement(facts.calibration)
     directions = {name: fit.direction({name: 1.0}) for name in fit.names if not name.startswith("wheel_radius")}
     causes = single_causes(fit, {name: fit.direction(shares) for name, shares in WHEELS.items()} | directions)
-    return [*mirrored, *_radii(fit, causes), *_others(fit, causes)]
+    return [*oriented, *_radii(fit, causes), *_others(fit, causes)]
 
 
 def _mirrored(facts: RunFacts) -> list[Finding]:
     """The laser turns left where the wheels turn right."""
-    if not facts.mirrored:
+    if not facts.orientation.mirrored:
         return []
     believed = facts.configuration.slam.mount.upside_down
     return [
@@ -97,8 +98,27 @@ def _mirrored(facts: RunFacts) -> list[Finding]:
             ("wheels and scans agree once left and right are exchanged in every scan, and do not as configured",),
             "the laser stands upright, and the configuration says upside down"
             if believed
-            else "the laser hangs upside down, or its beams are taken for counter-clockwise",
-            f"set slam.mount.upside_down = {str(not believed).lower()}",
+            else "the laser hangs upside down, or the left and the right wheel are exchanged",
+            f"set slam.mount.upside_down = {str(not believed).lower()}; exchange the wheels where the map is mirrored",
+        )
+    ]
+
+
+def _turned(facts: RunFacts) -> list[Finding]:
+    """The laser looks backwards or to a side."""
+    turned_rad = facts.orientation.turned_rad
+    if not turned_rad:
+        return []
+    yaw_rad = wrap_rad(facts.configuration.slam.mount.yaw_rad + turned_rad)
+    return [
+        Finding(
+            "laser_yaw",
+            Severity.ERROR,
+            f"The laser is turned by {math.degrees(turned_rad):+.0f} deg from its configured yaw",
+            ("wheels and scans agree once the mount is turned by that, and do not as configured",),
+            "the laser looks backwards or to a side"
+            + (", or both wheels count backwards" if facts.orientation.mirrored else ""),
+            f"set slam.mount.yaw_rad = {yaw_rad:.4f}",
         )
     ]
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from runtime.calibrate.result import Calibration, Quantity, calibration_lines
+from runtime.calibrate.scans.orientation import UPSIDE_DOWN
 from runtime.calibrate.write import configuration_changes, text_to_write_into, write_configuration
 from runtime.errors import ConfigurationError, StorageError
 from runtime.settings.configuration import load_configuration, load_configuration_text
@@ -157,10 +158,10 @@ def test_where_nothing_can_be_written_is_found_before_the_work_begins(
 
 
 def test_a_laser_that_turned_out_to_hang_upside_down_is_written() -> None:
-    changes = configuration_changes(replace(FOUND, mirrored=True), BASE)
+    changes = configuration_changes(replace(FOUND, orientation=UPSIDE_DOWN), BASE)
     assert changes["slam.mount.upside_down"] is True
     hanging = BASE + "[slam.mount]\nupside_down = true\n"
-    assert configuration_changes(replace(FOUND, mirrored=True), hanging)["slam.mount.upside_down"] is False
+    assert configuration_changes(replace(FOUND, orientation=UPSIDE_DOWN), hanging)["slam.mount.upside_down"] is False
     assert "slam.mount.upside_down" not in configuration_changes(FOUND, hanging)
 
 

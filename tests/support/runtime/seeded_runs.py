@@ -254,6 +254,15 @@ def upside_down(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:
     return [replace(d, scan=d.scan.mirrored() if d.scan is not None else None) for d in drafts]
 
 
+def backwards(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:
+    """The laser looks behind the rover: its bearings begin half a turn further."""
+
+    def turned(scan: Scan) -> Scan:
+        return replace(scan, bearings_rad=scan.bearings_rad + np.pi)
+
+    return [replace(d, scan=turned(d.scan) if d.scan is not None else None) for d in drafts]
+
+
 FAULTS: dict[str, tuple[Rover, Fault | None, float, str]] = {
     "laser_silent": (Rover(), laser_silent, 30.0, "laser_silent"),
     "odometry_silent": (Rover(), odometry_silent, 30.0, "odometry_silent"),
@@ -275,6 +284,7 @@ FAULTS: dict[str, tuple[Rover, Fault | None, float, str]] = {
     "tread": (Rover(tread_m=0.56), None, 60.0, "tread"),
     "laser_yaw_1.8_deg": (Rover(mount=(0.3, 0.0, np.radians(1.8))), None, 60.0, "laser_yaw"),
     "laser_yaw": (Rover(mount=(0.3, 0.0, 0.06)), None, 60.0, "laser_yaw"),
+    "backwards": (Rover(), backwards, 30.0, "laser_yaw"),
     "upside_down": (Rover(), upside_down, 30.0, "laser_mirrored"),
     "laser_latency": (Rover(latency_s=0.09), None, 60.0, "laser_latency"),
 }

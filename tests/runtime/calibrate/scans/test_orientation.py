@@ -7,7 +7,7 @@ import pytest
 from drivers.measurements import OdometryPose
 from runtime.calibrate.calibration import calibrate
 from runtime.calibrate.drive_data import DriveData, PoseStart, along_arcs
-from runtime.calibrate.scans.posture import Posture, posture
+from runtime.calibrate.scans.orientation import Orientation, orientation
 from runtime.calibrate.wheel_model import DifferentialModel
 from runtime.errors import DataSetError
 from slam.pose import Pose2
@@ -41,30 +41,30 @@ def as_poses(drive: DriveData, distance_scale: float = 1.0, turn_scale: float = 
 
 
 def test_a_laser_that_stands_as_configured_is_left_alone(drive: DriveData) -> None:
-    assert posture([drive], START) == Posture()
+    assert orientation([drive], START) == Orientation()
 
 
 def test_mirrored_scans_are_recognised(drive: DriveData) -> None:
-    assert posture([hanging(drive)], START) == Posture(mirrored=True)
+    assert orientation([hanging(drive)], START) == Orientation(mirrored=True)
 
 
 def test_a_laser_that_looks_backwards_is_recognised(drive: DriveData) -> None:
     backwards = replace(START, body_from_laser=Pose2(0.3, 0.0, math.pi))
-    found = posture([drive], backwards)
+    found = orientation([drive], backwards)
     assert not found.mirrored
     assert abs(found.turned_rad) == pytest.approx(math.pi)
 
 
 def test_a_drive_straight_ahead_does_not_tell_left_from_right() -> None:
     straight = park_drive(2, Rover(), 12.0, course_scale=6.0)
-    assert posture([hanging(straight)], START) == Posture()
+    assert orientation([hanging(straight)], START) == Orientation()
 
 
 def test_mount_latency_and_scales_are_found_from_poses_of_the_base_upside_down_or_not(drive: DriveData) -> None:
     start = PoseStart(body_from_laser=Pose2(0.3, 0.0, 0.0))
     base = as_poses(drive, 1.02, 0.97)
     result = calibrate([base], start)
-    assert not result.mirrored
+    assert not result.orientation.mirrored
     expected = {
         "distance_scale": (1.02, 0.01),
         "turn_scale": (0.97, 0.02),
@@ -78,7 +78,7 @@ def test_mount_latency_and_scales_are_found_from_poses_of_the_base_upside_down_o
         assert not found.refused, found
         assert found.value == pytest.approx(value, abs=within), found
     mirrored = calibrate([hanging(base)], start)
-    assert mirrored.mirrored
+    assert mirrored.orientation.mirrored
     assert mirrored.quantity("laser_y_m").value == pytest.approx(result.quantity("laser_y_m").value, abs=1e-3)
     assert mirrored.as_json()["mirrored"] is True
 

@@ -14,47 +14,53 @@ from runtime.calibrate.wheel_model import WheelModel, model_of
 from slam.pose import Pose2, composed, inverted, wrap_rads
 
 TRIED_STEPS = 150  # of each drive show it
-AGREEING = 0.6  # share of the steps from which on nothing else is tried
-ENOUGH = 0.4  # share of the steps that must agree for another posture to be believed, ...
+AGREEING = 0.5  # share of the steps from which on nothing else is tried
+ENOUGH = 0.4  # share of the steps that must agree for another orientation to be believed, ...
 CLEARLY = 2.0  # ... and how many times as many as in the one before
-LEAST_TURN_RAD = 0.1  # of a step that tells left from right
+LEAST_TURN_RAD = 0.06  # of a step that tells left from right
 LEAST_TURNS = 8
-ALLOWED_M, ALLOWED_RAD, ALLOWED_SHARE = 0.05, 0.05, 0.25  # an unknown mount and slipping wheels are no other posture
+ALLOWED_M, ALLOWED_RAD, ALLOWED_SHARE = (
+    0.05,
+    0.05,
+    0.25,
+)  # an unknown mount and slipping wheels are no other orientation
 
 
 @dataclass(frozen=True, slots=True)
-class Posture:
+class Orientation:
     """Against what is believed: mirrored (left and right exchanged), turned_rad (to the left)."""
 
     mirrored: bool = False
     turned_rad: float = 0.0
 
 
-UPSIDE_DOWN = Posture(mirrored=True)
+AS_BELIEVED = Orientation()
+UPSIDE_DOWN = Orientation(mirrored=True)
+BACKWARDS_AND_SIDEWAYS = (math.pi, 0.5 * math.pi, -0.5 * math.pi)
 OTHERS = (
     UPSIDE_DOWN,
-    *(Posture(mirrored, turned) for mirrored in (False, True) for turned in (math.pi, 0.5 * math.pi, -0.5 * math.pi)),
+    *(Orientation(mirrored, turned_rad) for mirrored in (False, True) for turned_rad in BACKWARDS_AND_SIDEWAYS),
 )
 """In the order in which they are tried."""
 
 
-def posture(drives: Sequence[DriveData], start: Start, others: Sequence[Posture] = OTHERS) -> Posture:
-    """The first posture in which wheels and laser agree; what is believed where there is none."""
+def orientation(drives: Sequence[DriveData], start: Start, others: Sequence[Orientation] = OTHERS) -> Orientation:
+    """The first orientation in which wheels and laser agree; what is believed where there is none."""
     model = model_of(start)
     believed = agreement(drives, model)
     if believed.share >= AGREEING:
-        return Posture()
+        return AS_BELIEVED
     for other in others:
-        turned, begun = taken(drives, start, other)
+        turned, begun = oriented(drives, start, other)
         found = agreement(turned, model_of(begun))
         enough = (found.turns if other.mirrored else found.steps) >= LEAST_TURNS
         if enough and found.share >= max(ENOUGH, CLEARLY * believed.share):
             return other
-    return Posture()
+    return AS_BELIEVED
 
 
-def taken(drives: Sequence[DriveData], start: Start, found: Posture) -> tuple[Sequence[DriveData], Start]:
-    """Drives and start as they are in this posture."""
+def oriented(drives: Sequence[DriveData], start: Start, found: Orientation) -> tuple[Sequence[DriveData], Start]:
+    """Drives and start as they are in this orientation."""
     if found.mirrored:
         drives = [replace(drive, scans=tuple(scan.mirrored() for scan in drive.scans)) for drive in drives]
     heading = float(wrap_rads(np.array(start.body_from_laser.heading_rad + found.turned_rad)))
