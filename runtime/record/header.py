@@ -74,6 +74,11 @@ class RunHeader:
         return self.source.startswith("import ")
 
     @property
+    def is_of_others(self) -> bool:
+        """Whether software of others recorded it: an import, or a replay of one, which no boot of ours has seen."""
+        return self.is_import or (self.source.startswith("replay of ") and not self.boot_id)
+
+    @property
     def metadata(self) -> dict[str, dict[str, str]]:
         """As MCAP metadata; from_metadata gives the header back."""
         offset_ns = self.wall_minus_monotonic_ns

@@ -155,7 +155,7 @@ class Gathering:
             landmarks=self._landmarks,
             drive=self._drive(name),
             accuracy=_accuracy(ticks, self._origin_ns, inputs, configuration),
-            imported=inputs.header.is_import,
+            imported=inputs.header.is_of_others,
             defects=tuple(self._defects),
         )
 

@@ -14,7 +14,7 @@ from runtime.calibrate.wheel_model import WheelModel, model_of
 from slam.pose import Pose2, composed, inverted, wrap_rads
 
 TRIED_STEPS = 150  # of each drive show it
-AGREEING = 0.5  # share of the steps from which on nothing else is tried
+AGREEING = 0.5  # share of the steps from which on the laser looks where it is believed to
 ENOUGH = 0.4  # share of the steps that must agree for another orientation to be believed, ...
 CLEARLY = 2.0  # ... and how many times as many as in the one before
 LEAST_TURN_RAD = 0.06  # of a step that tells left from right
@@ -45,16 +45,23 @@ OTHERS = (
 
 
 def orientation(drives: Sequence[DriveData], start: Start, others: Sequence[Orientation] = OTHERS) -> Orientation:
-    """The first orientation in which wheels and laser agree; what is believed where there is none."""
-    model = model_of(start)
-    believed = agreement(drives, model)
-    if believed.share >= AGREEING:
+    """The first orientation in which wheels and laser agree; what is believed where there is none.
+
+    What agrees without turns may still be mirrored, but looks where it should.
+    """
+    believed = agreement(drives, model_of(start))
+    looks_right = believed.share >= AGREEING
+    if looks_right and believed.turns >= LEAST_TURNS:
         return AS_BELIEVED
     for other in others:
+        if looks_right and other.turned_rad:
+            continue
         turned, begun = oriented(drives, start, other)
         found = agreement(turned, model_of(begun))
-        enough = (found.turns if other.mirrored else found.steps) >= LEAST_TURNS
-        if enough and found.share >= max(ENOUGH, CLEARLY * believed.share):
+        clearly = found.steps >= LEAST_TURNS and found.share >= CLEARLY * believed.share
+        if other.mirrored:
+            clearly = found.turns >= max(LEAST_TURNS, CLEARLY * believed.turns) and found.share >= believed.share
+        if clearly and found.share >= ENOUGH:
             return other
     return AS_BELIEVED
 

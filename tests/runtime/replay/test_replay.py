@@ -101,6 +101,8 @@ def test_a_replay_writes_a_run_that_replays_identically(tmp_path: Path) -> None:
     replay(reader, CONFIGURATION, out, estimator_factory=small)
     again = RunReader(out.path)
     assert again.header.source == "replay of run"
+    assert again.header.is_of_others
+    assert not dataclasses.replace(again.header, boot_id="a boot").is_of_others
     result = replay(again, CONFIGURATION, verify=True, estimator_factory=small)
     assert result.identical
     assert result.compared == TICKS
