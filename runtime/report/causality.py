@@ -17,6 +17,7 @@ FOLLOWERS = {  # kind that follows: kinds that may be its cause, and whether the
     "pose_jumps": (UPSTREAM, True),
     "no_landmarks": (UPSTREAM, True),
     "worse_than_odometry": ((*UPSTREAM, "pose_"), False),
+    "underconfident": (UPSTREAM, False),
     "overconfident": ((*UPSTREAM, "pose_", "worse_"), False),
 }
 

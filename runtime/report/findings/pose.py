@@ -20,6 +20,7 @@ WORSE_FACTOR = 2.0
 WORSE_M = 0.2
 BELIEVED_SIGMAS = 5.0  # a pose whose error is this many times what it says of itself
 BELIEVED_M = 0.3  # smaller errors may be those of the truth
+DOUBTED_M = 0.2  # standard deviation; a smaller one hinders nobody
 
 
 def pose_findings(facts: RunFacts) -> list[Finding]:
@@ -191,6 +192,18 @@ def _belief(facts: RunFacts) -> list[Finding]:
     if error_m is None or not believed.any():
         return []
     claimed_m = float(np.sqrt(np.mean(facts.ticks.position_sd_m[believed] ** 2)))
+    truth = f"truth: {facts.accuracy['truth']}"
+    if claimed_m > max(DOUBTED_M, BELIEVED_SIGMAS * error_m):
+        return [
+            Finding(
+                "underconfident",
+                Severity.WARN,
+                f"The pose claims a standard deviation of {claimed_m:.2f} m but is only {error_m:.2f} m off (RMS)",
+                (truth,),
+                "noise that is configured too large, or a map that began while the pose was already uncertain",
+                "lower the noise of slam.odometry to what infant calibrate finds; look at sigma at the start",
+            )
+        ]
     if error_m < max(BELIEVED_M, BELIEVED_SIGMAS * claimed_m):
         return []
     return [
@@ -198,7 +211,7 @@ def _belief(facts: RunFacts) -> list[Finding]:
             "overconfident",
             Severity.WARN,
             f"The pose is {error_m:.2f} m off (RMS) but claims a standard deviation of {claimed_m:.2f} m",
-            (f"truth: {facts.accuracy['truth']}", f"{error_m / max(claimed_m, 1e-9):.0f} standard deviations"),
+            (truth, f"{error_m / max(claimed_m, 1e-9):.0f} standard deviations"),
             "a wrong match that nothing has contradicted since, or noise that is configured too small",
             "raise the sigmas of slam.front_end and the noise of slam.odometry; see where the error begins",
         )

@@ -109,3 +109,12 @@ def test_a_pose_that_is_far_off_and_says_it_is_not_is_called_overconfident(tmp_p
     assert "overconfident" in _grave(judge(off))
     told = replace(off, ticks=replace(facts.ticks, position_sd_m=np.full_like(facts.ticks.position_sd_m, 0.5)))
     assert "overconfident" not in _grave(judge(told))
+
+
+def test_a_pose_that_is_right_and_claims_to_be_unsure_is_called_underconfident(tmp_path: Path) -> None:
+    facts = seeded_facts(tmp_path / "run", 3, duration_s=8.0)
+    unsure = replace(facts, ticks=replace(facts.ticks, position_sd_m=np.full_like(facts.ticks.position_sd_m, 0.3)))
+    assert "underconfident" not in _grave(judge(facts))
+    assert "underconfident" in _grave(judge(unsure))
+    right = replace(unsure, accuracy={**facts.accuracy, "rms_m": 0.2, "trimmed_rms_m": 0.2, "odometry_rms_m": 5.0})
+    assert "underconfident" not in _grave(judge(right))
