@@ -110,7 +110,7 @@ class DriveData:
             rows.append((time_s, *values))
             lost = False
         table = np.array(rows).reshape(-1, 4 if poses else 3)
-        told = along_arcs(table[:, 1:]) if poses else table[:, 1:]
+        told = along_arcs(table[:, 1:]) if poses and len(table) else table[:, 1:3]
         return WheelSeries(table[:, 0], told, np.array(broken, dtype=np.bool_))
 
 
@@ -133,12 +133,13 @@ def check_drives(drives: Sequence[DriveData]) -> None:
             raise DataSetError(
                 f"{drive.name}: holds {len(drive.scans)} scans, expected at least 2; record with the laser"
             )
-        if len(drive.wheels) < 2:
-            raise DataSetError(
-                f"{drive.name}: holds {len(drive.wheels)} wheel samples, expected at least 2; record with the encoders"
-            )
         kinds = {type(sample).__name__ for sample in drive.wheels}
         if len(kinds) > 1:
             raise DataSetError(
                 f"{drive.name}: mixes wheel samples of kinds {sorted(kinds)}, expected one kind; import it again"
+            )
+        usable = len(drive.wheel_series().times_s) if drive.wheels else 0
+        if usable < 2:
+            raise DataSetError(
+                f"{drive.name}: holds {usable} wheel samples of use, expected at least 2; record with the encoders"
             )

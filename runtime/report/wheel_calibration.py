@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.measurements import FloatArray, OdometryPose, WheelCounts
 from runtime.calibrate.calibration import calibrate
-from runtime.calibrate.drive_data import CalibrationStart, DriveData, PoseStart
+from runtime.calibrate.drive_data import CalibrationStart, DriveData, PoseStart, check_drives
 from runtime.calibrate.recorded_drives import start_from
 from runtime.calibrate.result import Calibration
 from runtime.calibrate.scans.laser_motion import laser_motion
@@ -51,7 +51,11 @@ def _calibration(facts: RunFacts, stuck: Sequence[Interval]) -> Calibration | No
 
 
 def _orientation(facts: RunFacts, drive: DriveData) -> Orientation:
-    start = start_from(facts.configuration)
+    try:
+        start = start_from(facts.configuration)
+        check_drives([drive])
+    except DataSetError:
+        return AS_BELIEVED
     return orientation([drive], start) if isinstance(start, PoseStart) else AS_BELIEVED
 
 

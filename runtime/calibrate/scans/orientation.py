@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray
 from runtime.calibrate.dead_reckoning import seen_by_laser
-from runtime.calibrate.drive_data import DriveData, Start
+from runtime.calibrate.drive_data import CalibrationStart, DriveData, Start
 from runtime.calibrate.scans.laser_motion import LaserMotion, laser_motion
 from runtime.calibrate.wheel_model import WheelModel, model_of
 from slam.pose import Pose2, composed, inverted, wrap_rads
@@ -36,6 +36,7 @@ class Orientation:
 
 AS_BELIEVED = Orientation()
 UPSIDE_DOWN = Orientation(mirrored=True)
+WRONG_SIGNS = Orientation(mirrored=True, turned_rad=math.pi)
 BACKWARDS_AND_SIDEWAYS = (math.pi, 0.5 * math.pi, -0.5 * math.pi)
 OTHERS = (
     UPSIDE_DOWN,
@@ -56,6 +57,8 @@ def orientation(drives: Sequence[DriveData], start: Start, others: Sequence[Orie
     for other in others:
         if looks_right and other.turned_rad:
             continue
+        if other == WRONG_SIGNS and isinstance(start, CalibrationStart):
+            continue  # more likely both wheels count backwards, which looks the same
         turned, begun = oriented(drives, start, other)
         found = agreement(turned, model_of(begun))
         clearly = found.steps >= LEAST_TURNS and found.share >= CLEARLY * believed.share

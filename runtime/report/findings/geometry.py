@@ -116,8 +116,7 @@ def _turned(facts: RunFacts) -> list[Finding]:
             Severity.ERROR,
             f"The laser is turned by {math.degrees(turned_rad):+.0f} deg from its configured yaw",
             ("wheels and scans agree once the mount is turned by that, and do not as configured",),
-            "the laser looks backwards or to a side"
-            + (", or both wheels count backwards" if facts.orientation.mirrored else ""),
+            "the laser looks backwards or to a side",
             f"set slam.mount.yaw_rad = {yaw_rad:.4f}",
         )
     ]

@@ -170,3 +170,18 @@ def test_scale_and_bias_of_a_steered_axle_are_found(recorded_data: Callable[[str
     assert 0.002 < result.quantity("steering_bias_rad").value < 0.0065
     assert result.quantity("laser_y_m").value == pytest.approx(0.5, abs=0.1)
     assert result.quantity("speed_scale").value == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    "wheels",
+    [
+        tuple(WheelCounts(k * 10**8, 0.0, 0.0, valid=False) for k in range(50)),
+        tuple(WheelCounts(k * 10**8, np.nan, 0.0) for k in range(50)),
+        tuple(WheelCounts(0, 0.0, 0.0) for _ in range(50)),
+    ],
+    ids=["never valid", "not finite", "all at once"],
+)
+def test_wheels_that_say_nothing_are_refused_in_a_sentence(wheels: tuple[WheelCounts, ...]) -> None:
+    drive = replace(park_drive(2, Rover(), 3.0), wheels=wheels)
+    with pytest.raises(DataSetError, match="wheel samples of use, expected at least 2"):
+        calibrate([drive], START)

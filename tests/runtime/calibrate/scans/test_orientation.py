@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.measurements import OdometryPose
+from drivers.measurements import OdometryPose, WheelCounts
 from runtime.calibrate.calibration import calibrate
 from runtime.calibrate.drive_data import DriveData, PoseStart, along_arcs
 from runtime.calibrate.scans.orientation import Orientation, orientation
@@ -53,6 +53,12 @@ def test_a_laser_that_looks_backwards_is_recognised(drive: DriveData) -> None:
     found = orientation([drive], backwards)
     assert not found.mirrored
     assert abs(found.turned_rad) == pytest.approx(math.pi)
+
+
+def test_wheels_that_both_count_backwards_are_not_taken_for_a_laser_upside_down(drive: DriveData) -> None:
+    counts = [sample for sample in drive.wheels if isinstance(sample, WheelCounts)]
+    backward = tuple(replace(sample, left=-sample.left, right=-sample.right) for sample in counts)
+    assert orientation([replace(drive, wheels=backward)], START) == Orientation()
 
 
 def test_a_drive_straight_ahead_does_not_tell_left_from_right() -> None:
