@@ -3,6 +3,7 @@
 import json
 import zipfile
 import zlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from runtime.errors import DataSetError
 from runtime.importers.parsing.checks import KNOWN, checked
 from runtime.importers.parsing.left_out import LeftOut
+from runtime.messages.tick import Record
 
 LARGEST_BYTES = 1 << 32  # of all arrays together; a day of a fast laser has a tenth
 META = "meta"
@@ -22,7 +24,8 @@ META = "meta"
 class Archive:
     """Arrays by name; those that a set does not have are absent. meta: its description.
 
-    left_out: what its reader could not use. laser_latency_s: taken off the stamps of what was seen.
+    left_out: what its reader could not use. laser_latency_s: taken off the stamps of what was seen. raw: of a capture
+    of one sensor's wire, its bytes as records with stamps since the set's start; None for other sets.
     """
 
     name: str
@@ -31,6 +34,7 @@ class Archive:
     meta: dict[str, Any]
     left_out: LeftOut = field(default_factory=LeftOut)
     laser_latency_s: float = 0.0
+    raw: Callable[[], Iterator[Record]] | None = None
 
     def __contains__(self, name: str) -> bool:
         return name in self.arrays

@@ -1,6 +1,7 @@
 """`infant import`: a recorded data set becomes a run that replays and evaluates like any other."""
 
 import itertools
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -30,7 +31,11 @@ from runtime.source_tree import CONFIG
 from slam.odometry.odometry import Odometry
 
 FAMILIES = ("victoria_park", "minesparis", "intel_lab", "aces_austin", "sjursflat", "mrclam", "carmen")
-BY_FORMAT = {"bag ": "carmen.toml"}  # beginning of a name by its reader: what describes any of them
+BY_FORMAT = {
+    "bag ": "carmen.toml",
+    "scip ": "rover.toml",
+    "candump ": "rover.toml",
+}  # beginning of a name by its reader: what describes any of them
 NEAREST = {
     "pose": "carmen.toml",
     "differential": "minesparis.toml",
@@ -61,8 +66,8 @@ def import_data_set(
     Raises DataSetError, ConfigurationError, RunExistsError, StorageError; nothing is written unless the whole set can
     be read.
     """
-    archive = load(source, topics)
-    if not at_rest:
+    archive = load(source, topics, config)
+    if not at_rest and archive.raw is None:
         motion_model(archive)  # refuses a set of no use before anything else about it
     configuration, notes = configured(archive, config, at_rest)
     archive.left_out.notes.extend(notes)
@@ -81,11 +86,14 @@ def import_data_set(
         created_utc=f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}",
     )
     writer = RunWriter(folder.mcap_path, header.metadata, {ATTACHMENT: truth.attachment()} if truth else {})
-    spacing_ns = SLOW_SPACING_NS if isinstance(wheels[0], OdometryPose) else FAST_SPACING_NS
+    spacing_ns = SLOW_SPACING_NS if wheels and isinstance(wheels[0], OdometryPose) else FAST_SPACING_NS
     count = sightings = last_ns = 0
+    raw = deque(archive.raw() if archive.raw is not None else ())
     for tick in ticks(scans, wheels, spacing_ns):
-        writer.add(input_records(tick))
+        before = [raw.popleft() for _ in range(len(raw)) if raw[0].stamp_ns <= tick.stamp_ns]
+        writer.add(before + input_records(tick))
         count, sightings, last_ns = count + 1, sightings + (tick.scan is not None), tick.stamp_ns
+    writer.add(list(raw))
     writer.close()
     told, warnings = archive.left_out.sentences({"scans": sightings, "odometry samples": len(wheels)})
     return {
@@ -118,7 +126,7 @@ def configured(archive: Archive, config: Path | None, at_rest: bool = False) -> 
     """
     path = config if config is not None else configuration_path(archive)
     configuration = load_configuration(path)
-    if not at_rest:
+    if not at_rest and (archive.raw is None or "odom_t" in archive):
         _check_motion_model(archive, configuration, path)
     overrides, notes = merged_mount(mount_of(archive), configuration)
     if config is None and path.name in BY_FORMAT.values():
@@ -166,21 +174,33 @@ def _inputs(
     """What the estimator will get. Raises DataSetError where that is nothing."""
     scans = seen(archive)
     first = next(scans, None)
-    if first is None:
+    if first is None and archive.raw is None:
         raise DataSetError(f"{archive.path} holds no scan that can be used; nothing was written")
-    seen_ns = sorted(archive.stamps_ns("scan_t" if "scan_t" in archive else "obs_t"))
-    if at_rest:
+    seen_ns = sorted(archive.stamps_ns("obs_t" if "obs_t" in archive else "scan_t")) if first is not None else []
+    if at_rest and seen_ns:
         wheels = samples_at_rest(seen_ns, configuration.vehicle.motion_model)
-    else:
+    elif archive.raw is None or "odom_t" in archive:
         wheels = wheel_samples(archive, configuration.vehicle)
-        if len(wheels) > 1 and (wheels[-1].stamp_ns < seen_ns[0] or wheels[0].stamp_ns > seen_ns[-1]):
-            times_s = [1e-9 * ns for ns in (seen_ns[0], seen_ns[-1], wheels[0].stamp_ns, wheels[-1].stamp_ns)]
-            raise DataSetError(
-                "{}: what was seen spans {:.1f} to {:.1f} s and the odometry {:.1f} to {:.1f} s after the start; they "
-                "do not overlap, so both need stamps of one clock; nothing was written".format(archive.path, *times_s)
-            )
+        _check_overlap(archive, seen_ns, wheels)
         _count_refused(archive, configuration, wheels)
-    return itertools.chain((first,), scans), wheels
+    else:
+        wheels = []
+        if seen_ns:
+            archive.left_out.warnings.append(
+                "the capture is of the laser alone, so the estimator knows nothing of the motion; say --at-rest if it "
+                "stood still all the time"
+            )
+    return itertools.chain(() if first is None else (first,), scans), wheels
+
+
+def _check_overlap(archive: Archive, seen_ns: list[int], wheels: list[WheelSample]) -> None:
+    """Raises DataSetError where nothing was seen while the wheels were measured: two clocks."""
+    if seen_ns and len(wheels) > 1 and (wheels[-1].stamp_ns < seen_ns[0] or wheels[0].stamp_ns > seen_ns[-1]):
+        times_s = [1e-9 * ns for ns in (seen_ns[0], seen_ns[-1], wheels[0].stamp_ns, wheels[-1].stamp_ns)]
+        raise DataSetError(
+            "{}: what was seen spans {:.1f} to {:.1f} s and the odometry {:.1f} to {:.1f} s after the start; they "
+            "do not overlap, so both need stamps of one clock; nothing was written".format(archive.path, *times_s)
+        )
 
 
 def _count_refused(archive: Archive, configuration: Configuration, wheels: list[WheelSample]) -> None:

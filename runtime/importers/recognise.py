@@ -6,36 +6,67 @@ from runtime.errors import DataSetError
 from runtime.importers.archive import Archive, load_archive
 from runtime.importers.carmen import WORDS, load_carmen
 from runtime.importers.parsing.bag_files import is_bag
+from runtime.importers.parsing.candump_lines import candump_line
+from runtime.importers.parsing.scip_capture import is_scip
 from runtime.importers.parsing.text_lines import TextLines
 from runtime.importers.rosbag import Topics, load_rosbag
+from runtime.importers.wire_captures import load_candump, load_scip
+from runtime.settings.configuration import load_configuration
+from runtime.source_tree import CONFIG
 
 LOOKED_AT = 2000  # lines of a text log until one tells what it is
-HEAD_BYTES = 64
+HEAD_BYTES = 4096
 ZIP = b"PK\x03\x04"
-SOURCES = "a folder or .npz of arrays, a bag of ROS 1 or 2 (.bag, .mcap, .db3, or its folder), a CARMEN log (also .gz)"
+SOURCES = (
+    "a folder or .npz of arrays, a bag of ROS 1 or 2 (.bag, .mcap, .db3, or its folder), a CARMEN log, a candump log "
+    "(both also .gz), a capture of SCIP bytes"
+)
 
 
-def load(source: Path, topics: Topics) -> Archive:
-    """Read a recording. Raises DataSetError with one sentence that says what a source may be."""
+def load(source: Path, topics: Topics, config: Path | None) -> Archive:
+    """Read a recording. config: says which frames of a candump are the wheels'; None: those of config/rover.toml.
+
+    Raises DataSetError with one sentence that says what a source may be, ConfigurationError.
+    """
     head = _head(source)
     if is_bag(source, head):
         return load_rosbag(source, head, topics)
     if source.is_dir() or source.suffix == ".npz" or not source.is_file() or head.startswith(ZIP):
         return load_archive(source)
-    if _first_word(source) in WORDS:
+    if is_scip(head):
+        return load_scip(source)
+    first = _first_word(source)
+    if first in WORDS:
         return load_carmen(source)
+    if first:
+        path = config if config is not None else CONFIG / "rover.toml"
+        encoders = load_configuration(path).encoders
+        if encoders is None:
+            raise DataSetError(
+                f"{path} has no table [encoders] that says which frames of {source.name} are the wheels'; add it, or "
+                "begin with config/rover.toml"
+            )
+        return load_candump(source, encoders)
     raise DataSetError(f"{source} is none of the recordings that can be read: {SOURCES}; see docs/data_sets.md")
 
 
 def _first_word(source: Path) -> str:
-    """The first word of a text log that says what it is; "" where none does."""
+    """What a text log tells by the first line that it can be known by: a word of CARMEN or the time of a candump."""
     for number, line, _ in TextLines(source):
         word = (line.split(maxsplit=1) or [""])[0]
-        if word in WORDS:
+        if word in WORDS or _is_candump(line):
             return word
         if number > LOOKED_AT:
             break
     return ""
+
+
+def _is_candump(line: str) -> bool:
+    try:
+        candump_line(line)
+    except ValueError:
+        return False
+    return True
 
 
 def _head(source: Path) -> bytes:

@@ -62,7 +62,7 @@ def wheel_samples(archive: Archive, vehicle: VehicleSettings | None = None) -> l
             counts = (
                 archive["odom_ticks"] if is_counted else archive["odom_wheel"] * _counts_per_metre(archive, vehicle)
             )
-            return _pairs(archive, counts[:, 0], counts[:, 1], WheelCounts)
+            return _counts(archive, counts)
         case _:
             return list(_poses(archive))
 
@@ -99,6 +99,16 @@ def _pairs(
 ) -> list[WheelSample]:
     columns = zip(archive.stamps_ns("odom_t"), first.tolist(), second.tolist(), strict=True)
     return [kind(stamp_ns + lag_ns, float(left), float(right)) for stamp_ns, left, right in columns]  # type: ignore[call-arg]
+
+
+def _counts(archive: Archive, counts: NDArray[np.float64]) -> list[WheelSample]:
+    """Counts with what the set says of each: whether a wheel was silent, and whether its counter went on meanwhile."""
+    good = np.ones(len(counts), bool)
+    valid, unbroken = archive.arrays.get("odom_valid", good), archive.arrays.get("odom_unbroken", ~good)
+    rows = zip(archive.stamps_ns("odom_t"), counts.tolist(), valid.tolist(), unbroken.tolist(), strict=True)
+    return [
+        WheelCounts(ns, float(left), float(right), bool(known), bool(kept)) for ns, (left, right), known, kept in rows
+    ]
 
 
 def _poses(archive: Archive) -> Sequence[OdometryPose]:

@@ -38,6 +38,8 @@ ODOMETRY: dict[str, Columns] = {
     "odom_steer_cal": (),
     "odom_wheel": (2,),
     "odom_ticks": (2,),
+    "odom_valid": (),
+    "odom_unbroken": (),
 }
 SIGHTINGS: dict[str, Columns] = {"obs_t": (), "obs_id": (), "obs_range": (), "obs_bearing": ()}
 TRUTH: dict[str, Columns] = {"gt_t": (), "gt_xy": (2,), "gt_theta": (), "gt_good": ()}

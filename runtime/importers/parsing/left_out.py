@@ -11,11 +11,13 @@ MUCH = 0.01  # share from which on what is left out deserves a warning
 class LeftOut:
     """Rows by what they are ("scans", "odometry samples", ...) and why they could not be used.
 
-    notes and warnings: sentences about the recording as a whole. Shared by all copies of an Archive.
+    used: rows of a kind that a reader knows to be used. notes and warnings: sentences about the recording as a whole.
+    Shared by all copies of an Archive.
     """
 
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
     first_places: dict[tuple[str, str], str] = field(default_factory=dict)
+    used: Counter[str] = field(default_factory=Counter)
     notes: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
 
@@ -38,11 +40,11 @@ class LeftOut:
     def sentences(self, used: Mapping[str, int]) -> tuple[list[str], list[str]]:
         """(notes, warnings): one sentence a reason, as a warning where it is more than 1 % of its kind.
 
-        used: how many rows of each kind are used.
+        used: how many rows of each kind are used, where the reader does not know it.
         """
         notes, warnings = list(self.notes), list(self.warnings)
         for (what, reason), count in self.counts.items():
-            of = used.get(what, 0) + self.total(what)
+            of = used.get(what, self.used[what]) + self.total(what)
             place = self.first_places[what, reason]
             text = f"{count} of {of} {what} left out: {reason}" + (f" (first: {place})" if place else "")
             (warnings if count > MUCH * of else notes).append(text)

@@ -1,0 +1,160 @@
+"""Captures of what a Hokuyo sent, to scans: the bytes as they are, or in records with the time of their arrival.
+
+A record: seconds, microseconds and length, 32 bits each and big-endian, then so many bytes (.logr of hokuyoaist).
+"""
+
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from drivers.events import EventLog
+from drivers.laser.clock import LaserClock
+from drivers.laser.scans import ScanAssembly
+from drivers.measurements import Scan
+from drivers.scip.codec import LF, OK, ScipError, StatusError, parse_key_values, parse_message, parse_time, unsummed
+from drivers.scip.commands import ScanRequest, parse_scan_request
+from drivers.scip.framing import MessageStream, RawMessage
+from drivers.scip.model import Parameters, parse_parameters
+from drivers.scip.scan import STATUS_LINES
+from drivers.settings.laser import LaserSettings
+
+RECORD = struct.Struct(">III")
+LARGEST_RECORD = 1 << 16
+COMMAND = re.compile(rb"(?:SCIP2\.0|[A-Z]{2}[0-9A-Za-z;._+@ ]{0,40})")
+DRIFT_MAX_PPM = 200.0
+URG = Parameters("URG-04LX", 20, 5600, 1024, 44, 725, 384, 600)
+UTM = Parameters("UTM-30LX", 23, 60000, 1440, 0, 1080, 540, 2400)
+USELESS = {
+    "checksum_errors": "a sum is wrong",
+    "framing_errors": "the message is not whole",
+    "wrong_size": "another number of steps than was asked for",
+    "stale_stamp": "the laser's clock stood still",
+    "frozen_scans": "the ranges are frozen",
+    "future_stamps": "the stamp lies after the arrival",
+    "out_of_order": "the stamp is not later than the one before",
+    "refused": "the laser said why there is none",
+}
+
+
+@dataclass(slots=True)
+class Capture:
+    """What a capture held. useless: messages of scans by the reason why there is no scan of them.
+
+    is_guessed: the laser's own description was not captured. torn: bytes at the end that are no whole message.
+    """
+
+    scans: list[Scan] = field(default_factory=list)
+    useless: dict[str, int] = field(default_factory=dict)
+    messages: int = 0
+    parameters: Parameters | None = None
+    is_guessed: bool = False
+    torn: int = 0
+
+
+def is_scip(head: bytes) -> bool:
+    """Whether a file begins like a capture: with a reply, or with a record of one."""
+    echo, _, rest = head.lstrip(LF).partition(LF)
+    status = rest.partition(LF)[0]
+    try:
+        if COMMAND.fullmatch(echo) and len(unsummed(status)) == 2:
+            return True
+    except ScipError:
+        pass
+    begun = any(LF + status + LF in head for status in STATUS_LINES.values())  # in the middle of a message
+    return begun or (_begins_a_record(head, 0) and head[RECORD.size : RECORD.size + 1].isalpha())
+
+
+def chunks(content: bytes) -> Iterator[tuple[int | None, bytes]]:
+    """(arrival ns, bytes); None where the capture is nothing but the bytes."""
+    if not _begins_a_record(content, 0):
+        yield None, content
+        return
+    place = 0
+    while _begins_a_record(content, place):
+        seconds, microseconds, length = RECORD.unpack_from(content, place)
+        place += RECORD.size
+        yield seconds * 1_000_000_000 + microseconds * 1000, content[place : place + length]
+        place += length
+
+
+def read_capture(path: Path) -> Capture:
+    """All scans of a capture. Raises OSError."""
+    messages, torn = _messages(path.read_bytes())
+    capture = Capture(messages=len(messages), torn=torn, parameters=_described(messages))
+    settings, clock, events = LaserSettings(), LaserClock(DRIFT_MAX_PPM), EventLog("laser")
+    assemblies: dict[ScanRequest, ScanAssembly] = {}
+    for message in messages:
+        request = _request(message)
+        if request is None:
+            continue
+        if capture.parameters is None:
+            capture.parameters, capture.is_guessed = (URG if request.last_step <= URG.last_step else UTM), True
+        if request not in assemblies:
+            assemblies[request] = ScanAssembly(settings, capture.parameters, request, clock, events, {})
+        try:
+            scan = assemblies[request].take(message)
+        except StatusError:
+            events.count("refused")
+        except ScipError:
+            continue  # counted by the assembly
+        else:
+            capture.scans += [scan] if scan is not None else []
+    capture.useless = {reason: events.counters[kind] for kind, reason in USELESS.items() if events.counters[kind]}
+    return capture
+
+
+def _messages(content: bytes) -> tuple[list[RawMessage], int]:
+    """Whole messages with their arrival, and how many bytes are left; without arrivals those of the laser's clock."""
+    stream = MessageStream()
+    messages: list[RawMessage] = []
+    for stamp_ns, data in chunks(content):
+        messages += stream.feed(stamp_ns or 0, data)
+    if _begins_a_record(content, 0):
+        return messages, stream.pending_bytes
+    return _stamped_by_the_laser(messages), stream.pending_bytes
+
+
+def _stamped_by_the_laser(messages: list[RawMessage]) -> list[RawMessage]:
+    stamped, last_ms, total_ms = [], -1, 0
+    for message in messages:
+        lines = message.data.split(LF, 3)
+        if _request(message) is not None and len(lines) > 2:
+            try:
+                counter_ms = parse_time(lines[2])
+            except ScipError:
+                counter_ms = last_ms
+            total_ms += (counter_ms - last_ms) % (1 << 24) if last_ms >= 0 else 0
+            last_ms = counter_ms
+        stamped.append(RawMessage(total_ms * 1_000_000, message.data))
+    return stamped
+
+
+def _described(messages: list[RawMessage]) -> Parameters | None:
+    """The laser's answer to PP, None where none was captured."""
+    for message in messages:
+        if message.data.startswith(b"PP"):
+            try:
+                reply = parse_message(message.data)
+                if reply.status == OK:
+                    return parse_parameters(parse_key_values(reply))
+            except ScipError:
+                continue
+    return None
+
+
+def _request(message: RawMessage) -> ScanRequest | None:
+    """What a message answers, without the scans that are still to come; None where it is no scan."""
+    try:
+        request = parse_scan_request(message.data.partition(LF)[0])
+    except (ScipError, StatusError):
+        return None
+    return replace(request, count=0) if request.last_step >= request.first_step else None
+
+
+def _begins_a_record(content: bytes, place: int) -> bool:
+    if place + RECORD.size >= len(content):
+        return False
+    microseconds, length = struct.unpack_from(">II", content, place + 4)
+    return bool(microseconds < 1_000_000 and 0 < length <= LARGEST_RECORD)

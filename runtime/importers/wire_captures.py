@@ -1,0 +1,169 @@
+"""What went over a rover's wires, as the same arrays that other sets come in: SCIP of a Hokuyo, frames of a CAN bus.
+
+The bytes themselves go into the run as well, as a live rover records them. A capture holds one of the two sensors.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.canbus.frame import CanFrame
+from drivers.measurements import DriverError, WheelCounts
+from drivers.settings.encoders import EncoderSettings
+from drivers.wheels.layouts.choose import wheel_decoder
+from drivers.wheels.pair import WheelPair
+from runtime.errors import DataSetError
+from runtime.importers.archive import Archive
+from runtime.importers.parsing.candump_lines import candump_line
+from runtime.importers.parsing.clock_steps import join_clock
+from runtime.importers.parsing.left_out import LeftOut
+from runtime.importers.parsing.scip_capture import chunks, read_capture
+from runtime.importers.parsing.text_lines import TextLines
+from runtime.messages.ros import encode_can_frame
+from runtime.messages.tick import LaserBytes, Record, encode_laser_bytes
+
+CUT = "the log was cut off in this line"
+IDS_SHOWN = 6
+BENIGN = ("lost", "gap", "duplicate", "out_of_order")
+
+
+def load_scip(source: Path) -> Archive:
+    """A capture of the laser's replies. Raises DataSetError where it cannot be read."""
+    try:
+        capture = read_capture(source)
+        content = source.read_bytes()
+    except OSError as error:
+        raise DataSetError(f"{source} cannot be read ({error.strerror}); check the path") from error
+    left_out = LeftOut()
+    for reason, count in capture.useless.items():
+        left_out.add("scans", reason, source.name, count)
+    if capture.torn:
+        left_out.notes.append(f"the last {capture.torn} bytes of {source.name} are no whole message")
+    if capture.is_guessed and capture.parameters is not None:
+        left_out.warnings.append(
+            f"{source.name} does not hold the laser's answer to PP; its steps are taken for those of a "
+            f"{capture.parameters.model}"
+        )
+    meta = {"name": f"scip {source.name}"}
+    if not capture.scans:
+        left_out.warnings.append(f"{source.name} holds no scan: none of its {capture.messages} messages is one")
+        return Archive(meta["name"], source, {}, meta, left_out, raw=lambda: _laser_records(content, 0))
+    first = capture.scans[0]
+    beams = max(len(scan.ranges_m) for scan in capture.scans)
+    ranges = np.full((len(capture.scans), beams), np.nan, np.float32)
+    for row, scan in zip(ranges, capture.scans, strict=True):
+        row[: len(scan.ranges_m)] = scan.ranges_m
+    arrays: dict[str, NDArray[Any]] = {
+        "scan_t": np.array([scan.stamp_ns for scan in capture.scans]) * 1e-9,
+        "ranges": ranges,
+        "scan_angle_min": np.array([scan.bearings_rad[0] for scan in capture.scans]),
+        "scan_angle_increment": np.array([np.diff(scan.bearings_rad[:2]).sum() for scan in capture.scans]),
+        "scan_beams": np.array([len(scan.ranges_m) for scan in capture.scans]),
+    }
+    told: dict[str, Any] = {**meta, "range_max": first.range_max_m, "time_increment": first.beam_period_s}
+    return Archive(meta["name"], source, arrays, told, left_out, raw=lambda: _laser_records(content, first.stamp_ns))
+
+
+def _laser_records(content: bytes, start_ns: int) -> Iterator[Record]:
+    """The bytes as /raw/laser, with stamps since the set's start."""
+    for stamp_ns, data in chunks(content):
+        yield encode_laser_bytes(LaserBytes(max(0, (stamp_ns or 0) - start_ns), False, data))
+
+
+def load_candump(source: Path, settings: EncoderSettings) -> Archive:
+    """A log of candump, read with the layout of the wheels that a configuration names. Raises DataSetError."""
+    left_out = LeftOut()
+    frames = _frames(source, settings, left_out)
+    try:
+        decoder = wheel_decoder(settings)
+    except DriverError as error:
+        raise DataSetError(str(error)) from error
+    pair = WheelPair(settings, decoder)
+    samples: list[WheelCounts] = []
+    for frame in frames:
+        pair.feed(frame)
+        samples += pair.take()
+    _report(source, frames, pair, decoder.ids, left_out)
+    meta = {"name": f"candump {source.name}"}
+    start_ns = frames[0].stamp_ns if frames else 0
+    arrays: dict[str, NDArray[Any]] = {}
+    if samples:
+        arrays = {
+            "odom_t": np.array([sample.stamp_ns for sample in samples]) * 1e-9,
+            "odom_ticks": np.array([(sample.left, sample.right) for sample in samples]),
+            "odom_valid": np.array([sample.valid for sample in samples]),
+            "odom_unbroken": np.array([sample.unbroken for sample in samples]),
+        }
+        start_ns = samples[0].stamp_ns
+    return Archive(meta["name"], source, arrays, dict(meta), left_out, raw=lambda: _can_records(frames, start_ns))
+
+
+def _frames(source: Path, settings: EncoderSettings, left_out: LeftOut) -> list[CanFrame]:
+    """Frames of one bus in the order of their stamps, on one clock that never goes back."""
+    read: list[tuple[float, str, CanFrame]] = []
+    lines = TextLines(source)
+    lengths: dict[int, int] = {}
+    for number, line, is_whole in lines:
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        try:
+            seconds, channel, frame = candump_line(line)
+        except ValueError as error:
+            reason = f"the line cannot be read ({error})" if is_whole else CUT
+            left_out.add("frames", reason, f"{source.name}:{number}")
+            continue
+        if not is_whole and len(frame.data) < lengths.get(frame.arbitration_id, 0):
+            left_out.add("frames", CUT, f"{source.name}:{number}")
+            continue
+        lengths[frame.arbitration_id] = len(frame.data)
+        read.append((seconds, channel, frame))
+    if lines.damage:
+        left_out.warnings.append(f"{source.name} is read up to its last whole line: {lines.damage}")
+    if not read:
+        first = left_out.first()
+        raise DataSetError(
+            f"{source} holds no frame with a time{f'; {first}' if first else ''}; record it with candump -l"
+        )
+    channels = Counter(channel for _, channel, _ in read)
+    wanted = settings.bus.channel if settings.bus.channel in channels else channels.most_common(1)[0][0]
+    if len(channels) > 1:
+        left_out.notes.append(f"{wanted} is taken of {', '.join(sorted(channels))}; encoders.bus.channel names the bus")
+    clock = join_clock([seconds for seconds, _, _ in read])
+    for row, step_s in clock.steps:
+        left_out.warnings.append(
+            f"frame {row + 1}: the clock was set {'back' if step_s < 0.0 else 'forward'} by {abs(step_s):.1f} s; the "
+            "stamps from there on are moved so that time goes on"
+        )
+    left_out.add("frames", "the stamp lies far from its neighbours", source.name, int((~clock.good).sum()))
+    order = [row for row in np.argsort(clock.stamps_s, kind="stable").tolist() if clock.good[row]]
+    stamped = ((round(float(clock.stamps_s[row]) * 1e9), *read[row][1:]) for row in order)
+    return [frame._replace(stamp_ns=stamp_ns) for stamp_ns, channel, frame in stamped if channel == wanted]
+
+
+def _report(source: Path, frames: list[CanFrame], pair: WheelPair, ids: tuple[int, ...], left_out: LeftOut) -> None:
+    """Say what the frames told of the wheels."""
+    if not pair.good_frames:
+        there = [
+            f"{number:03X}" for number, _ in Counter(frame.arbitration_id for frame in frames).most_common(IDS_SHOWN)
+        ]
+        left_out.warnings.append(
+            f"none of the {len(frames)} frames of {source.name} tells a wheel's count: the layout expects "
+            f"{', '.join(f'{number:03X}' for number in sorted(ids))}, most frequent are {', '.join(there)}; give the "
+            "configuration whose [encoders.layout] describes this bus with --config"
+        )
+    left_out.used["frames"] = len(frames)
+    for wheel in (pair.left, pair.right):
+        left_out.used[f"frames of the {wheel.wheel} wheel"] = pair.good_frames // 2
+        for reason, count in wheel.counters.items():
+            if count and reason not in BENIGN:
+                left_out.add(f"frames of the {wheel.wheel} wheel", reason, source.name, count)
+
+
+def _can_records(frames: list[CanFrame], start_ns: int) -> Iterator[Record]:
+    """The frames as /raw/can, with stamps since the set's start."""
+    for stamp_ns, identity, data, flags in frames:
+        yield encode_can_frame(max(0, stamp_ns - start_ns), identity, flags, data)

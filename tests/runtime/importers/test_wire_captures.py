@@ -1,0 +1,164 @@
+"""Captures of a rover's wires become runs: the bytes, and what they measured."""
+
+import math
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.measurements import Scan, WheelCounts
+from drivers.scip.codec import encode_key_values, encode_message
+from drivers.scip.commands import ScanRequest
+from drivers.scip.scan import encode_characters, encode_scan
+from runtime.errors import DataSetError
+from runtime.importers.data_set import import_data_set
+from runtime.importers.parsing.scip_capture import UTM
+from runtime.record.reader import RunReader
+from runtime.replay.replay import replay_run
+from tests.support.runtime.carmen_logs import moments, room_ranges
+
+REQUEST = ScanRequest("MD", 0, 1080)
+START_S = 1_700_000_000
+
+
+def described() -> bytes:
+    return encode_message(b"PP", "00", encode_key_values(UTM.key_values()))
+
+
+def scan_messages(count: int) -> list[bytes]:
+    """Scans of a room at the rate of the mirror, each with the laser's own time."""
+    messages = []
+    for k, moment in enumerate(moments(count)):
+        ranges_m = np.array(room_ranges(moment, 1081, -0.75 * math.pi, math.radians(0.25)))
+        characters = encode_characters(np.round(ranges_m * 1000.0).astype(np.int32), 3)
+        messages.append(encode_scan(REQUEST.encode(), "99", 5000 + 100 * k, characters.tobytes()))
+    return messages
+
+
+def as_records(messages: list[bytes]) -> bytes:
+    """With the time of arrival before each."""
+    content = b""
+    for k, message in enumerate(messages):
+        content += struct.pack(">III", START_S + k // 10, k % 10 * 100_000, len(message)) + message
+    return content
+
+
+def scans_of(run: Path) -> list[Scan]:
+    return [again.tick.scan for again in RunReader(run).ticks() if isinstance(again.tick.scan, Scan)]
+
+
+@pytest.mark.parametrize("form", [as_records, b"".join], ids=["records", "bytes alone"])
+def test_every_scan_of_a_capture_is_imported(tmp_path: Path, form: Callable[[list[bytes]], bytes]) -> None:
+    (tmp_path / "a.logr").write_bytes(form([described(), *scan_messages(20)]))
+    result = import_data_set(tmp_path / "a.logr", tmp_path / "run", at_rest=True)
+    assert (result["scans"], result["warnings"]) == (20, [])
+    scans = scans_of(tmp_path / "run")
+    assert math.degrees(scans[0].bearings_rad[0]) == pytest.approx(-135.0)
+    np.testing.assert_allclose(
+        scans[3].ranges_m, room_ranges(list(moments(4))[3], 1081, -0.75 * math.pi, math.radians(0.25)), atol=6e-4
+    )
+    assert np.diff([scan.stamp_ns for scan in scans]) == pytest.approx(1e8, abs=3e6)
+    kept = b"".join(
+        bytes(record.data) for record in RunReader(tmp_path / "run").records() if record.topic == "/raw/laser"
+    )
+    assert scan_messages(1)[0] in kept
+
+
+def test_a_capture_of_the_laser_alone_says_that_nobody_knows_the_motion(tmp_path: Path) -> None:
+    (tmp_path / "a.logr").write_bytes(as_records([described(), *scan_messages(5)]))
+    result = import_data_set(tmp_path / "a.logr", tmp_path / "run")
+    assert (result["scans"], result["wheel_samples"]) == (5, 0)
+    assert "say --at-rest" in result["warnings"][0]
+    assert replay_run(tmp_path / "run", None, None, False, {})["scans"] == 5
+
+
+def test_damaged_scans_are_counted(tmp_path: Path) -> None:
+    messages = scan_messages(20)
+    messages[7] = messages[7].replace(b"0", b"1", 400)
+    messages[9] = messages[9][:1500] + b"\n\n"
+    (tmp_path / "a.logr").write_bytes(as_records([described(), *messages, b"MD0000"]))
+    result = import_data_set(tmp_path / "a.logr", tmp_path / "run", at_rest=True)
+    assert result["scans"] == 18
+    assert sum("of 20 scans left out" in warning for warning in result["warnings"]) >= 1
+    assert any("6 bytes of a.logr are no whole message" in note for note in result["notes"])
+
+
+def test_a_capture_without_the_lasers_description_says_what_it_is_taken_for(tmp_path: Path) -> None:
+    (tmp_path / "a.logr").write_bytes(as_records(scan_messages(5)))
+    result = import_data_set(tmp_path / "a.logr", tmp_path / "run", at_rest=True)
+    assert result["scans"] == 5
+    assert "taken for those of a UTM-30LX" in result["warnings"][0]
+
+
+def test_a_capture_without_a_scan_keeps_its_bytes_and_says_so(tmp_path: Path) -> None:
+    (tmp_path / "a.logr").write_bytes(b"QT\n00P\n\n")
+    result = import_data_set(tmp_path / "a.logr", tmp_path / "run")
+    assert result["warnings"] == ["a.logr holds no scan: none of its 1 messages is one"]
+    assert [record.topic for record in RunReader(tmp_path / "run").records()] == ["/raw/laser"]
+
+
+def test_the_capture_of_a_real_laser_is_imported(recorded_data: Callable[[str], Path], tmp_path: Path) -> None:
+    source = recorded_data("scip_capture_utm30lx") / "example_utm_30lx.logr"
+    assert import_data_set(source, tmp_path / "run", at_rest=True)["scans"] == 1
+    assert scans_of(tmp_path / "run")[0].ranges_m.shape == (1081,)
+
+
+def test_a_recorded_drive_of_the_rovers_own_wheels_is_imported(
+    recorded_data: Callable[[str], Path], tmp_path: Path
+) -> None:
+    source = recorded_data("can_encoder") / "infant_candump.log"
+    result = import_data_set(source, tmp_path / "run")
+    assert (result["wheel_samples"], result["warnings"]) == (500, [])
+    ticks = [again.tick for again in RunReader(tmp_path / "run").ticks()]
+    samples = [sample for tick in ticks for sample in tick.wheels]
+    assert all(isinstance(sample, WheelCounts) and sample.valid for sample in samples)
+    lines = source.read_text().splitlines()
+    assert sum(record.topic == "/raw/can" for record in RunReader(tmp_path / "run").records()) == len(lines)
+
+
+def viewed(line: str) -> str:
+    """A line of candump -l as candump -ta shows it."""
+    time, channel, frame, *_ = line.split()
+    number, _, data = frame.partition("#")
+    return f" {time}  {channel}  {number}   [{len(data) // 2}]  {bytes.fromhex(data).hex(' ').upper()}"
+
+
+@pytest.mark.parametrize("form", ["viewed", "cut", "shifted"])
+def test_a_log_for_people_a_torn_one_and_a_clock_that_was_set_hold_the_same_drive(
+    recorded_data: Callable[[str], Path], tmp_path: Path, form: str
+) -> None:
+    lines = (recorded_data("can_encoder") / "infant_candump.log").read_text().splitlines()
+    if form == "viewed":
+        lines = [viewed(line) for line in lines]
+    elif form == "shifted":
+        lines = [line.replace("(17000000", "(16999999") if k > 500 else line for k, line in enumerate(lines)]
+    text = "\n".join(lines) + "\n"
+    (tmp_path / "a.log").write_text(text[:-20] if form == "cut" else text)
+    result = import_data_set(tmp_path / "a.log", tmp_path / "run")
+    assert result["wheel_samples"] >= 498
+    assert any("was set back" in warning for warning in result["warnings"]) == (form == "shifted")
+    assert any("the log was cut off in this line" in note for note in result["notes"]) == (form == "cut")
+
+
+def test_frames_of_another_bus_are_named_with_those_that_are_expected(tmp_path: Path) -> None:
+    (tmp_path / "a.log").write_text("(1436509052.249713) can0 044#2A366C2BBA\n" * 3)
+    (warning,) = import_data_set(tmp_path / "a.log", tmp_path / "run")["warnings"][:1]
+    assert "the layout expects 181, 182, 701, 702, most frequent are 044; give the" in warning
+
+
+def test_a_configuration_without_encoders_cannot_read_a_candump(tmp_path: Path) -> None:
+    (tmp_path / "a.log").write_text("(1436509052.249713) can0 044#2A366C2BBA\n")
+    (tmp_path / "c.toml").write_text("seed = 2\n")
+    with pytest.raises(DataSetError, match=r"c\.toml has no table \[encoders\]"):
+        import_data_set(tmp_path / "a.log", tmp_path / "run", tmp_path / "c.toml")
+
+
+@pytest.mark.parametrize("content", [b"", b"hello\n", b"\0" * 500, b"1,2,3\n4,5,6\n", bytes(range(256)) * 9])
+def test_what_is_no_recording_is_told_what_a_source_may_be(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.log").write_bytes(content)
+    with pytest.raises(DataSetError, match="none of the recordings that can be read: a folder") as caught:
+        import_data_set(tmp_path / "a.log", tmp_path / "run")
+    assert "pickle" not in str(caught.value)
+    assert not (tmp_path / "run").exists()
