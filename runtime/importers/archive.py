@@ -18,6 +18,7 @@ from runtime.messages.tick import Record
 
 LARGEST_BYTES = 1 << 32  # of all arrays together; a day of a fast laser has a tenth
 META = "meta"
+SHOWN = 6  # names of a folder's files in a message
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,11 @@ def load_archive(source: Path) -> Archive:
     if source.is_dir() and not path.is_file() and len(found := sorted(source.glob("*.npz"))) == 1:
         path = found[0]
     if not path.is_file():
-        raise DataSetError(f"{source} holds no {path.name}; give the folder of a data set, or its .npz file")
+        there = ", ".join(sorted(each.name for each in source.iterdir())[:SHOWN]) if source.is_dir() else ""
+        raise DataSetError(
+            f"{source} holds no {path.name}{f'; it holds {there}' if there else ''}; give the folder of a data set, or "
+            "the file of the recording"
+        )
     try:
         arrays = _arrays(path)
     except (OSError, EOFError, ValueError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:

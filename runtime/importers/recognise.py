@@ -28,10 +28,20 @@ def load(source: Path, topics: Topics, config: Path | None) -> Archive:
 
     Raises DataSetError with one sentence that says what a source may be, ConfigurationError.
     """
-    head = _head(source)
+    try:
+        return _load(source, topics, config)
+    except OSError as error:
+        raise DataSetError(f"{source} cannot be read ({error.strerror}); check the path and its permissions") from error
+
+
+def _load(source: Path, topics: Topics, config: Path | None) -> Archive:
+    if not source.is_dir() and not source.is_file():
+        what = "is no file and no folder" if source.exists() else "does not exist"
+        raise DataSetError(f"{source} {what}; give {SOURCES}")
+    head = b"" if source.is_dir() else _head(source)
     if is_bag(source, head):
         return load_rosbag(source, head, topics)
-    if source.is_dir() or source.suffix == ".npz" or not source.is_file() or head.startswith(ZIP):
+    if source.is_dir() or source.suffix == ".npz" or head.startswith(ZIP):
         return load_archive(source)
     if is_scip(head):
         return load_scip(source)
@@ -70,10 +80,5 @@ def _is_candump(line: str) -> bool:
 
 
 def _head(source: Path) -> bytes:
-    if not source.is_file():
-        return b""
-    try:
-        with source.open("rb") as stream:
-            return stream.read(HEAD_BYTES)
-    except OSError as error:
-        raise DataSetError(f"{source} cannot be read ({error.strerror}); check the path") from error
+    with source.open("rb") as stream:
+        return stream.read(HEAD_BYTES)

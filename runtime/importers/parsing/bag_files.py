@@ -30,7 +30,7 @@ METADATA = "metadata.yaml"
 LOOSE = (".mcap", ".db3")
 BROKEN = (
     *(McapError, Reader1Error, Reader2Error, sqlite3.Error, struct.error, zlib.error, zstandard.ZstdError),
-    *(OSError, EOFError, ValueError, KeyError, IndexError, RuntimeError, AssertionError),
+    *(OSError, EOFError, MemoryError, ValueError, KeyError, IndexError, RuntimeError, AssertionError),
 )
 """What the libraries raise on a file that is damaged or ends early."""
 
@@ -119,7 +119,7 @@ class LooseBag:
         schemas: dict[int, str] = {}
         channels: dict[int, tuple[str, bool]] = {}
         with path.open("rb") as stream:
-            for record in StreamReader(stream).records:
+            for record in StreamReader(stream, record_size_limit=path.stat().st_size).records:
                 match record:
                     case Schema():
                         schemas[record.id] = normalised(record.name)
