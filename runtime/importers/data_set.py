@@ -1,7 +1,6 @@
 """`infant import`: a recorded data set becomes a run that replays and evaluates like any other."""
 
 import itertools
-from collections import deque
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -88,12 +87,16 @@ def import_data_set(
     writer = RunWriter(folder.mcap_path, header.metadata, {ATTACHMENT: truth.attachment()} if truth else {})
     spacing_ns = SLOW_SPACING_NS if wheels and isinstance(wheels[0], OdometryPose) else FAST_SPACING_NS
     count = sightings = last_ns = 0
-    raw = deque(archive.raw() if archive.raw is not None else ())
+    raw = archive.raw() if archive.raw is not None else iter(())
+    waiting = next(raw, None)
     for tick in ticks(scans, wheels, spacing_ns):
-        before = [raw.popleft() for _ in range(len(raw)) if raw[0].stamp_ns <= tick.stamp_ns]
-        writer.add(before + input_records(tick))
+        while waiting is not None and waiting.stamp_ns <= tick.stamp_ns:
+            writer.add([waiting])
+            waiting = next(raw, None)
+        writer.add(input_records(tick))
         count, sightings, last_ns = count + 1, sightings + (tick.scan is not None), tick.stamp_ns
-    writer.add(list(raw))
+    for record in itertools.chain(() if waiting is None else (waiting,), raw):
+        writer.add([record])
     writer.close()
     told, warnings = archive.left_out.sentences({"scans": sightings, "odometry samples": len(wheels)})
     return {
@@ -178,6 +181,8 @@ def _inputs(
         raise DataSetError(f"{archive.path} holds no scan that can be used; nothing was written")
     seen_ns = sorted(archive.stamps_ns("obs_t" if "obs_t" in archive else "scan_t")) if first is not None else []
     if at_rest and seen_ns:
+        if "odom_t" in archive:
+            archive.left_out.notes.append("the odometry is not used, because --at-rest says that nothing moved")
         wheels = samples_at_rest(seen_ns, configuration.vehicle.motion_model)
     elif archive.raw is None or "odom_t" in archive:
         wheels = wheel_samples(archive, configuration.vehicle)

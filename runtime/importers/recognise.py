@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from runtime.errors import DataSetError
+from runtime.errors import DataSetError, UsageError
 from runtime.importers.archive import Archive, load_archive
 from runtime.importers.carmen import WORDS, load_carmen
 from runtime.importers.parsing.bag_files import is_bag
@@ -26,7 +26,8 @@ SOURCES = (
 def load(source: Path, topics: Topics, config: Path | None) -> Archive:
     """Read a recording. config: says which frames of a candump are the wheels'; None: those of config/rover.toml.
 
-    Raises DataSetError with one sentence that says what a source may be, ConfigurationError.
+    Raises DataSetError with one sentence that says what a source may be, ConfigurationError; UsageError for topics of
+    what is no bag.
     """
     try:
         return _load(source, topics, config)
@@ -41,6 +42,10 @@ def _load(source: Path, topics: Topics, config: Path | None) -> Archive:
     head = b"" if source.is_dir() else _head(source)
     if is_bag(source, head):
         return load_rosbag(source, head, topics)
+    if topics != Topics():
+        raise UsageError(
+            f"--scan-topic and --odom-topic choose a topic of a bag of ROS; {source} is none: leave them out"
+        )
     if source.is_dir() or source.suffix == ".npz" or head.startswith(ZIP):
         return load_archive(source)
     if is_scip(head):

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from runtime.errors import DataSetError, InfantError
+from runtime.errors import DataSetError, InfantError, UsageError
 from runtime.importers.data_set import import_data_set
 from runtime.importers.recognise import load
 from runtime.importers.rosbag import Topics
@@ -121,3 +121,9 @@ def test_a_folder_of_other_files_lists_them(tmp_path: Path) -> None:
     (tmp_path / "drive.log").write_bytes(carmen())
     with pytest.raises(DataSetError, match=r"it holds drive\.log; give .*the file of the recording"):
         load(tmp_path, Topics(), None)
+
+
+def test_topics_of_what_is_no_bag_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "drive.log").write_bytes(carmen())
+    with pytest.raises(UsageError, match="--scan-topic and --odom-topic choose a topic of a bag"):
+        load(tmp_path / "drive.log", Topics("/scan"), None)
