@@ -15,7 +15,7 @@ from slam.front_end.deskew import Twist, with_motion_noise
 from slam.front_end.front_ends import make_front_end
 from slam.joint.evidence import Confidence
 from slam.joint.gaussian import JointGaussian
-from slam.observations import NO_FEATURES, usable_rows, verdicts_of_all
+from slam.observations import NO_FEATURES, seen_before_share, usable_rows, verdicts_of_all
 from slam.odometry.odometry import Increment, Odometry
 from slam.particles.fastslam import FastSlam, ScanOutcome
 from slam.pose import Pose2
@@ -115,7 +115,7 @@ class Estimator:
         self._mark("front end")
         features = with_motion_noise(features, scan, increment.covariance, increment.duration_s)
         rows = usable_rows(features, self._settings.view.range_max_m, self._body_from_laser.heading_rad)
-        sight = sight_line(scan)
+        sight = sight_line(scan, self._settings.front_end.range_min_m)
 
         # associate, sample, update, resample and prune in every particle (III-B)
         outcome = self._particles.step(increment, rows, sight)
@@ -124,7 +124,7 @@ class Estimator:
         # the joint Gaussian, whose pose is published, and whether it can be believed
         confidence = Confidence(self._quality.settled_before, self._quality.map_is_kept)
         self._joint.step(increment.mean, increment.covariance, rows, outcome.matches, sight, confidence)
-        self._quality.add(scan.stamp_ns, self._joint.evidence)
+        self._quality.add(scan.stamp_ns, self._joint.evidence, seen_before_share(verdicts))
         self._mark("joint")
 
         matches = verdicts_of_all(rows, outcome.matches, len(features))

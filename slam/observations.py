@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drivers.measurements import BoolArray, FloatArray, IntArray
+from drivers.measurements import BoolArray, FloatArray, IntArray, VerdictArray
 from slam.pose import wrap_rads
 
 IDENTITIES_PER_SCAN = 4096  # a landmark is named by the scan that made it, times this, plus the feature's number
@@ -131,3 +131,13 @@ def verdicts_of_all(rows: FeatureRows, verdicts: IntArray, count: int) -> IntArr
     everyone = np.full(count, int(MatchVerdict.OUT_OF_RANGE), dtype=np.int64)
     everyone[rows.numbers] = verdicts
     return everyone
+
+
+def seen_before_share(verdicts: VerdictArray) -> float | None:
+    """Of the beams (n,) with a return, how many were seen by earlier scans too: all where none could be compared, None
+    where nothing came back.
+    """
+    kept, moved, other = (int((verdicts == v).sum()) for v in (BeamVerdict.KEPT, BeamVerdict.MOVED, BeamVerdict.NOT_COMPARED))
+    if kept + moved:
+        return kept / (kept + moved)
+    return 1.0 if other else None

@@ -16,7 +16,8 @@ from slam.estimate import Quality
 from slam.joint.evidence import SETTLED_SCANS, Evidence
 from slam.settings.quality import QualitySettings
 
-FOUND_SHARE = 0.03  # of the settled landmarks in range, over some scans; where less is found, chance finds it
+FOUND_SHARE = 0.03  # of the settled landmarks in view, over some scans; where less is found, chance finds it
+SEEN_BEFORE_SHARE = 0.2  # of the beams that could be compared with earlier scans; where less agrees, the laser is blind
 LOST_BLIND_SCANS = 20  # scans in a row that do not support the pose; then the map is left as it is
 UNCERTAIN_M = 1.0  # standard deviation of the position, larger axis
 LOST_M = 5.0  # the same
@@ -62,7 +63,7 @@ class QualityMonitor:
 
     @property
     def score(self) -> float:
-        """Missed less found, added up; lost from [slam.quality] lost_score on, until it is back at 0."""
+        """Log-odds against the pose, added up; lost from [slam.quality] lost_score on, until it is back at 0."""
         return self._score
 
     @property
@@ -85,14 +86,16 @@ class QualityMonitor:
         """
         return self._lost or self._blind_scans >= LOST_BLIND_SCANS
 
-    def add(self, stamp_ns: int, evidence: Evidence) -> None:
-        """What one scan said."""
+    def add(self, stamp_ns: int, evidence: Evidence, seen_before_share: float | None = None) -> None:
+        """What one scan said. seen_before_share: of the beams that could be compared with earlier scans, how many saw
+        the same; None where none could.
+        """
         settings = self._settings
         self._scans += 1
         self._evidence = evidence
         if evidence.known == 0 and not self._lost:
             self._score *= 1.0 - FADING
-        score = self._score + evidence.missed - evidence.found
+        score = self._score + evidence.against
         self._score = min(max(score, 0.0), CEILING * settings.lost_score)
         if self._score < 0.1:
             self._score = 0.0
@@ -102,7 +105,11 @@ class QualityMonitor:
         if evidence.known > 0:
             self._known += QUICKLY * (evidence.known - self._known)
             self._found += QUICKLY * (evidence.found - self._found)
-        if evidence.known == 0 or self._found >= FOUND_SHARE * self._known:
+        if seen_before_share is None:
+            supported = evidence.known == 0 or self._found >= FOUND_SHARE * self._known
+        else:
+            supported = seen_before_share >= SEEN_BEFORE_SHARE
+        if supported:
             self._supported_ns = stamp_ns
             self._blind_scans = 0
             if self._score == 0.0:

@@ -16,7 +16,7 @@ class SightLine(NamedTuple):
     """How far each beam of a scan looked.
 
     first_bearing_rad, step_rad: where beams point. no_return_m: how far a beam without return looked. ranges_m (N,):
-    NaN where nothing came back; N = 0 where there is no scan.
+    NaN where nothing came back, 0 where a beam ended before the laser's own range; N = 0 where there is no scan.
     """
 
     first_bearing_rad: float
@@ -74,6 +74,19 @@ def in_clear_view(
 
 
 @leaf
+def is_hidden(landmark_x: float, landmark_y: float, sensor: tuple[float, float, float], sight: SightLine) -> bool:
+    """True where the beam towards the landmark ends at something before it."""
+    if sight.ranges_m.size <= 0:
+        return False
+    dx, dy = landmark_x - sensor[0], landmark_y - sensor[1]
+    beam = round((wrapped(math.atan2(dy, dx) - sensor[2]) - sight.first_bearing_rad) / sight.step_rad)
+    if beam < 0 or beam >= sight.ranges_m.size:
+        return False
+    measured = sight.ranges_m[beam]
+    return measured > 0.0 and measured * measured < dx * dx + dy * dy
+
+
+@leaf
 def sensor_pose(pose: FloatArray, mount: FloatArray) -> tuple[float, float, float]:
     """map_from_laser x m, y m, heading rad."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
@@ -84,12 +97,17 @@ def sensor_pose(pose: FloatArray, mount: FloatArray) -> tuple[float, float, floa
     )
 
 
-def sight_line(scan: ScanLike) -> SightLine:
-    """How far the beams of a scan looked; NO_SIGHT for sightings, and where the bearings do not increase."""
+def sight_line(scan: ScanLike, range_min_m: float = 0.0) -> SightLine:
+    """How far the beams of a scan looked; NO_SIGHT for sightings, and where the bearings do not increase.
+
+    range_min_m: a nearer return is a cover on the lens or the vehicle itself.
+    """
     if not isinstance(scan, Scan) or scan.ranges_m.size < 2:
         return NO_SIGHT
     bearings = scan.bearings_rad
     step = (float(bearings[-1]) - float(bearings[0])) / (bearings.size - 1)
     if not math.isfinite(step) or step <= 0.0:
         return NO_SIGHT
-    return SightLine(float(bearings[0]), step, float(scan.range_max_m), scan.ranges_m.astype(np.float64))
+    ranges = scan.ranges_m.astype(np.float64)
+    ranges[ranges < range_min_m] = 0.0
+    return SightLine(float(bearings[0]), step, float(scan.range_max_m), ranges)

@@ -16,6 +16,9 @@ FIRST_ROOM = 256
 ENLARGED_BY_ZEROS = (
     "identities",
     "log_odds",
+    "looks",
+    "finds",
+    "missed",
     "means",
     "covariances",
     "parent_means",
@@ -29,6 +32,7 @@ class Atlas:
     """Columns over rows (R,).
 
     place: where in the state vector the landmark stands, AWAY outside it, FREE for an unused row.
+    looks, finds, missed: see slam.joint.evidence.DetectionRates.
     means (R, 2), covariances (R, 2, 2): as they were when the landmark left the state.
     parents (R, 4) rows it hangs on (ORPHAN: none), parent_means (R, 8) when it was written so, weights (R, 2, 8),
     residuals (R, 2, 2).
@@ -41,6 +45,9 @@ class Atlas:
         self._free: list[int] = []
         self.identities = np.zeros(0, dtype=np.int64)
         self.log_odds = np.zeros(0)
+        self.looks = np.zeros(0)
+        self.finds = np.zeros(0)
+        self.missed = np.zeros(0, dtype=np.bool_)
         self.place = np.zeros(0, dtype=np.int64)
         self.means = np.zeros((0, 2))
         self.covariances = np.zeros((0, 2, 2))
@@ -62,6 +69,7 @@ class Atlas:
             self._enlarge(len(self.place))
         row = self._free.pop()
         self.identities[row], self.log_odds[row], self.place[row] = identity, log_odds, place
+        self.looks[row] = self.finds[row] = self.missed[row] = 0
         self.parents[row], self._carries[row] = ORPHAN, False
         return row
 

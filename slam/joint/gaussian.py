@@ -13,7 +13,16 @@ from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.estimate import LandmarkMap
 from slam.joint.association import Gates, associate_by_hint
 from slam.joint.atlas import AWAY
-from slam.joint.evidence import CONFIDENT, SETTLED_SCANS, Confidence, Evidence, score
+from slam.joint.evidence import (
+    CONFIDENT,
+    FIRST_FINDS_AFTER_MISS,
+    FIRST_LOOKS_AFTER_MISS,
+    SETTLED_SCANS,
+    Confidence,
+    DetectionRates,
+    Evidence,
+    score,
+)
 from slam.joint.kernels import predict, update
 from slam.joint.measurement import FIRST_PLACE, JointArrays
 from slam.joint.neighbours import block, places_within, update_existence
@@ -63,6 +72,7 @@ class JointGaussian:
         self._reach_m = self._tuning.range_max_m + self._tuning.range_margin_m
         self._state = JointState(settings, self._reach_m, self._tuning.cell_m)
         self._jump = np.zeros(2)
+        self._after_miss = np.array((FIRST_LOOKS_AFTER_MISS, FIRST_FINDS_AFTER_MISS))
         self.scans = 0
         self.refused = 0
         self.evidence = Evidence()
@@ -114,12 +124,15 @@ class JointGaussian:
         places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
         chosen = self._associate(features, hints, places)
         settled = self._settled(places, confidence.settled_before)
-        self.evidence = score(self._arrays, places, settled, features, chosen, sight, self._tuning)
+        near, atlas = state.rows_at(places), state.atlas
+        rates = DetectionRates(atlas.looks[near], atlas.finds[near], atlas.missed[near], self._after_miss.copy())
+        self.evidence = score(self._arrays, places, settled, features, chosen, sight, rates, self._tuning)
         matched = np.flatnonzero(chosen >= 0)
         self._update(places[chosen[matched]], matched, features)
         verdicts = chosen.copy()
-        verdicts[matched] = state.atlas.identities[state.rows_at(places[chosen[matched]])]
+        verdicts[matched] = atlas.identities[near[chosen[matched]]]
         if not confidence.lost:
+            atlas.looks[near], atlas.finds[near], atlas.missed[near], self._after_miss = rates
             self._existence(places, chosen[matched], sight)
             self._create(features, chosen, hints)
         state.put_away()

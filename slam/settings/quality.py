@@ -9,11 +9,12 @@ class QualitySettings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     lost_score: float = Field(
-        default=30.0,
+        default=18.0,
         gt=0,
         le=1e6,
-        description="settled landmarks missed in plain sight, less those found, added up over scans, from which the "
-        "pose is lost; uncertain from half of it on. Raise it where `infant quality` shows false alarms",
+        description="log-odds against the pose, from settled landmarks that are missed or found in plain sight, added "
+        "up over scans, from which it is lost; uncertain from half of it on. Raise it where `infant quality` shows false "
+        "alarms",
     )
     uncertain_blind_s: float = Field(
         default=0.8,
