@@ -15,6 +15,7 @@ from slam.front_end.deskew import Twist, with_motion_noise
 from slam.front_end.front_ends import make_front_end
 from slam.joint.evidence import Confidence
 from slam.joint.gaussian import JointGaussian
+from slam.keyframes.keyframes import Keyframes
 from slam.observations import NO_FEATURES, seen_before_share, usable_rows, verdicts_of_all
 from slam.odometry.odometry import Increment, Odometry
 from slam.particles.fastslam import FastSlam, ScanOutcome
@@ -63,6 +64,7 @@ class Estimator:
         self._alignment = Alignment(settings.front_end, self._body_from_laser)
         self._particles = FastSlam(settings, self._generator)
         self._joint = JointGaussian(settings.joint, self._body_from_laser, settings.tuning())
+        self._keyframes = Keyframes(self._joint, self._body_from_laser)
         self._quality = QualityMonitor(settings.quality)
         self._scan_ns: int | None = None
         self._tick_ns: int | None = None
@@ -81,7 +83,7 @@ class Estimator:
         if self._scan_ns is None:
             increment = replace(increment, covariance=np.zeros((3, 3)))  # the map begins here, wherever that is
         self._scan_ns = scan.stamp_ns
-        moved = (self._particles.scans, self._joint.scans)
+        moved = (self._particles.scans, self._joint.moves)
         try:
             return self._scan_step(stamp_ns, scan, increment)
         except Exception:
@@ -106,8 +108,12 @@ class Estimator:
     def _scan_step(self, stamp_ns: int, scan: ScanLike, by_wheels: Increment) -> Estimate:
         """The step of the paper, one stage after the other."""
         increment = self._alignment.refine(scan, by_wheels)
+        before = self._joint.map_from_body
+        self._joint.predict(increment.mean, increment.covariance)
+        if self._alignment.laid is not None and self._keyframes.constrain(self._alignment.laid):
+            increment = replace(increment, mean=(before.inverse() @ self._joint.map_from_body).as_array())
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
-        predicted = self._joint.map_from_body @ increment.as_pose()
+        predicted = before @ increment.as_pose()
         self._mark("odometry")
 
         # difference and features (III-A)
@@ -123,7 +129,10 @@ class Estimator:
 
         # the joint Gaussian, whose pose is published, and whether it can be believed
         confidence = Confidence(self._quality.settled_before, self._quality.map_is_kept)
-        self._joint.step(increment.mean, increment.covariance, rows, outcome.matches, sight, confidence)
+        at_rest = not (increment.covariance.any() or increment.mean.any())
+        self._joint.observe(rows, outcome.matches, sight, confidence, at_rest)
+        if self._alignment.laid is not None and not confidence.lost:
+            self._keyframes.keep(self._alignment.laid)
         self._quality.add(scan.stamp_ns, self._joint.evidence, seen_before_share(verdicts))
         self._mark("joint")
 
@@ -142,16 +151,15 @@ class Estimator:
             counts=prediction.counts | self._scan_counts(increment, matches, outcome) | self._quality.figures,
         )
 
-    def _keep_motion(self, increment: Increment, particle_scans: int, joint_scans: int) -> None:
+    def _keep_motion(self, increment: Increment, particle_scans: int, joint_moves: int) -> None:
         """A step has failed: its scan is lost, but not the motion that the wheels measured.
 
-        The filters that had not taken it yet, by their number of scans before, take it with nothing in sight.
+        The filters that had not taken it yet, by their counts before, take it with nothing in sight.
         """
         if self._particles.scans == particle_scans:
             self._particles.step(increment, NO_FEATURES, BLIND)
-        if self._joint.scans == joint_scans:
-            blind = Confidence(self._quality.settled_before, lost=True)
-            self._joint.step(increment.mean, increment.covariance, NO_FEATURES, NO_FEATURES.identities, BLIND, blind)
+        if self._joint.moves == joint_moves:
+            self._joint.predict(increment.mean, increment.covariance)
 
     def _follow_clock(self, stamp_ns: int) -> None:
         """Where the clock of the ticks was set back, stamps of before are no measure for those that come."""
@@ -221,6 +229,9 @@ class Estimator:
             "at_rest": float(increment.at_rest),
             "odometry_known": float(increment.known),
             "scans_aligned": float(self._alignment.refined),
+            "keyframes": float(len(self._keyframes)),
+            "keyframe_fits": float(self._keyframes.fitted),
+            "loops_closed": float(self._keyframes.closed),
         }
 
     def _chain_hash(self, matches: IntArray) -> None:

@@ -137,7 +137,9 @@ def seen_before_share(verdicts: VerdictArray) -> float | None:
     """Of the beams (n,) with a return, how many were seen by earlier scans too: all where none could be compared, None
     where nothing came back.
     """
-    kept, moved, other = (int((verdicts == v).sum()) for v in (BeamVerdict.KEPT, BeamVerdict.MOVED, BeamVerdict.NOT_COMPARED))
+    kept, moved, other = (
+        int((verdicts == v).sum()) for v in (BeamVerdict.KEPT, BeamVerdict.MOVED, BeamVerdict.NOT_COMPARED)
+    )
     if kept + moved:
         return kept / (kept + moved)
     return 1.0 if other else None

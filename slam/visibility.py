@@ -83,7 +83,7 @@ def is_hidden(landmark_x: float, landmark_y: float, sensor: tuple[float, float, 
     if beam < 0 or beam >= sight.ranges_m.size:
         return False
     measured = sight.ranges_m[beam]
-    return measured > 0.0 and measured * measured < dx * dx + dy * dy
+    return bool(measured > 0.0 and measured * measured < dx * dx + dy * dy)
 
 
 @leaf

@@ -29,7 +29,9 @@ LEAST_POINTS = 25  # with fewer points on surfaces nothing is refined
 LEAST_SHARE = 0.3  # nor with a smaller share of the points that came back
 NEED_M = 0.15  # half the width of a door post: what the wheels may be off by before features are matched wrongly
 NEED_RANGE_M = 10.0  # at this distance: what a wrong heading moves
-WIDEST_SQUARE = 30.0  # nor where the result contradicts the wheels by this squared distance
+WIDEST_SQUARE = 30.0  # nor where the result contradicts the wheels by this squared distance, unless they have slipped:
+SLIP_SHARE = 0.7  # so many points are on surfaces then
+SLIP_GAIN = 0.1  # and so many more than by the wheels' motion
 
 
 @dataclass(slots=True, eq=False)
@@ -47,7 +49,8 @@ class Alignment:
     """Remembers the last scans; refines an increment where the wheels alone could not tell which feature is which, and
     where too few of the scans are young enough to vote on the new one.
 
-    refined: how many increments it has refined.
+    refined: how many increments it has refined. laid: the beams of the latest scan, None where it was not laid onto
+    others.
     """
 
     def __init__(self, settings: FrontEndSettings, body_from_laser: Pose2) -> None:
@@ -57,12 +60,14 @@ class Alignment:
         self._path_from_body = Pose2()
         self._trust = WheelTrust()
         self.refined = 0
+        self.laid: Beams | None = None
 
     def refine(self, scan: ScanLike, increment: Increment) -> Increment:
         """The increment up to this scan, better known where that is needed, as it is elsewhere.
 
         Shown every scan once and in order. Raises ValueError when the bearings of a sparse scan do not increase.
         """
+        self.laid = None
         if not self._settings.alignment.enabled or not isinstance(scan, Scan) or scan.ranges_m.size < 2:
             return increment
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
@@ -114,13 +119,19 @@ class Alignment:
         if count < max(LEAST_POINTS, LEAST_SHARE * len(points)):
             return increment
         refined: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        is_outlier = not off @ np.linalg.solve(covariance, off) <= WIDEST_SQUARE  # also where it is NaN
+        square = float(off @ np.linalg.solve(covariance, off))
         self._trust.compare(off, covariance, refined)
-        if is_outlier:
+        if not square <= WIDEST_SQUARE and not self._have_slipped(search, prior, count):  # also where it is NaN
             return increment
         self.refined += 1
+        self.laid = beams
         motion[2] = wrap_rad(float(motion[2]))
         return replace(increment, mean=motion, covariance=0.5 * (refined + refined.T))
+
+    def _have_slipped(self, search: Search, by_wheels: FloatArray, count: int) -> bool:
+        """Whether a motion that contradicts the wheels is clearly the better one: wheels slip, and tyres lose grip."""
+        points = len(search.points_m)
+        return count >= SLIP_SHARE * points and count - search.on_surfaces(by_wheels) >= SLIP_GAIN * points
 
     def _references(self) -> list[SeenFrom]:
         """The scan before, and older ones ever farther apart: what they see longest ties the path together."""

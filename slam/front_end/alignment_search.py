@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray
-from slam.front_end.alignment_kernels import EarlierScans, Prior, descend
+from slam.front_end.alignment_kernels import EarlierScans, Prior, descend, normal_equations
 
 GATE_FIRST_M = 1.0  # points farther from the nearest surface are left out at first, m; what 10 deg move at 6 m
 GATE_LAST_M = 0.15  # the same at the end, m: five times the roughness of a wall
@@ -47,6 +47,11 @@ class Search:
         motion = best.copy()
         posterior, count, _ = self._descend(wheels, motion, 1, np.full(FINAL_STEPS, GATE_LAST_M))
         return motion, posterior, count
+
+    def on_surfaces(self, motion: FloatArray) -> int:
+        """How many points lie within the last gate of a surface under a motion (3,)."""
+        count, _ = normal_equations(self.points_m, 1, self.past, motion, GATE_LAST_M, np.zeros((3, 3)), np.zeros(3))
+        return int(count)
 
     def _descend(
         self, prior: Prior, motion: FloatArray, stride: int, gates_m: FloatArray

@@ -1,8 +1,8 @@
 """What one scan says for and against the pose: landmarks that should be seen, and which of them were.
 
 A landmark that is missed speaks against the pose by as much as it is usually found. Detection is sticky: what was found
-is found again, and a corner that is missed once is missed for long, because the rover sees it from its other side or a
-door has closed. So each landmark has a rate of being found again, all together one of being found after a miss, and both
+is found again, and a corner that is missed once is missed for long, because the rover sees it from behind or a door has
+closed. So each landmark has a rate of being found again, all together one of being found after a miss, and both
 are learnt while the pose can be believed.
 """
 

@@ -24,6 +24,7 @@ from slam.joint.evidence import (
     score,
 )
 from slam.joint.kernels import predict, update
+from slam.joint.keyframe_axis import AHEAD, BEHIND, between, between_with_covariance, condition
 from slam.joint.measurement import FIRST_PLACE, JointArrays
 from slam.joint.neighbours import block, places_within, update_existence
 from slam.joint.slip import associate_with_slip
@@ -39,6 +40,7 @@ SLIP_SQUARE = 100.0  # gate within which an old landmark is looked for when most
 CREATE_SQUARE = 25.0  # a feature nearer than this to a landmark creates none: it may be that landmark
 CONFIRMED_LOG_ODDS = 3.0  # a landmark that leaves the view below this is forgotten: a chance point
 SMALLEST_VARIANCE = 1e-12  # m^2 and rad^2: keeps the published covariance positive where the map frame is defined
+KEYFRAME = -1  # identity of an end of a keyframe's axis
 SHIFTED_M = 1.0  # a jump of the pose after which far landmarks are sorted into cells anew
 
 
@@ -73,7 +75,8 @@ class JointGaussian:
         self._state = JointState(settings, self._reach_m, self._tuning.cell_m)
         self._jump = np.zeros(2)
         self._after_miss = np.array((FIRST_LOOKS_AFTER_MISS, FIRST_FINDS_AFTER_MISS))
-        self.scans = 0
+        self._keyframes = np.zeros((0, 2), dtype=np.int64)
+        self.scans = self.moves = 0
         self.refused = 0
         self.evidence = Evidence()
 
@@ -92,12 +95,47 @@ class JointGaussian:
     @property
     def landmark_count(self) -> int:
         """Landmarks in the map."""
-        return self._state.atlas.count
+        return self._state.atlas.count - self._keyframes.size
 
     @property
     def landmarks_in_state(self) -> int:
         """Landmarks in the joint state: what a step costs depends on these."""
         return self._state.count
+
+    def add_keyframe(self) -> None:
+        """The pose of now becomes a keyframe: it stays in the state, or hangs on what does, as landmarks do."""
+        still = np.zeros(3)
+        ends = [self._state.create_end(KEYFRAME, still, end) for end in (AHEAD, BEHIND)]
+        self._keyframes = np.vstack((self._keyframes, ends))
+
+    def from_keyframes(self) -> FloatArray:
+        """(K, 3) the body as seen from every keyframe; inf where one is outside the state."""
+        state = self._state
+        places = state.atlas.place[self._keyframes]
+        inside = np.flatnonzero((places >= FIRST_PLACE).all(axis=1))
+        seen = np.full((len(places), 3), math.inf)
+        ends = (np.column_stack((state.mean[at], state.mean[at + 1])) for at in places[inside].T)
+        seen[inside] = between(state.mean, *ends)
+        return seen
+
+    def from_keyframe(self, number: int) -> tuple[FloatArray, FloatArray]:
+        """The body (3,) as seen from one keyframe of the state, and its covariance (3, 3)."""
+        state = self._state
+        ahead, behind = state.atlas.place[self._keyframes[number]].tolist()
+        seen, spread, _ = between_with_covariance(state.mean, state.covariance, state.size, ahead, behind)
+        return seen, spread
+
+    def condition(self, number: int, off: FloatArray, posterior: FloatArray) -> None:
+        """A scan laid onto a keyframe says: the body is off (3,) from where it was thought to be, as seen from there.
+
+        posterior (3, 3): how well that is known now, this filter's own knowledge included.
+        """
+        state = self._state
+        before = state.mean[:2].copy()
+        ends = state.atlas.place[self._keyframes[number]]
+        condition(state.mean, state.covariance, state.size, ends, off, posterior, self._invariant)
+        if math.dist(state.mean[:2], before) > SHIFTED_M:
+            state.sort_anew()
 
     def step(
         self,
@@ -108,20 +146,42 @@ class JointGaussian:
         sight: SightLine = NO_SIGHT,
         confidence: Confidence = CONFIDENT,
     ) -> IntArray:
-        """One scan; increment (3,) and (3, 3) since the last one in the body frame of then.
+        """One scan: `predict` and `observe`."""
+        self.predict(increment_mean, increment_covariance)
+        at_rest = not (increment_covariance.any() or increment_mean.any())
+        return self.observe(features, hints, sight, confidence, at_rest)
+
+    def predict(self, mean: FloatArray, covariance: FloatArray) -> None:
+        """Move the pose by an increment (3,) and (3, 3) since the last scan in the body frame of then."""
+        self.moves += 1
+        state, jump = self._state, self._jump
+        if np.isfinite(mean).all() and np.isfinite(covariance).all():
+            predict(state.mean, state.covariance, state.size, mean, covariance, float(jump[0]), float(jump[1]))
+        else:
+            self.refused += 1
+        state.bring_back()
+
+    def observe(
+        self,
+        features: FeatureRows,
+        hints: IntArray,
+        sight: SightLine = NO_SIGHT,
+        confidence: Confidence = CONFIDENT,
+        at_rest: bool = False,
+    ) -> IntArray:
+        """What the scan at the predicted pose shows; at rest everything may create a landmark.
 
         hints (K,): identities or verdicts of the best particle, for a variant. sight: how far the scan looked, for what
         should have been seen. confidence: what the scans before said about the pose; while it is lost, nothing is
         written into the map. Returns this filter's own identities or verdicts (K,).
         """
         state = self._state
-        at_rest = not (increment_covariance.any() or increment_mean.any())
         free = at_rest or self._variant.creation == "any"
         features = features._replace(may_create=features.may_create | free)
-        self._predict(increment_mean, increment_covariance)
-        state.bring_back()
         sensor = sensor_pose(state.mean, self._mount)
         places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
+        if len(self._keyframes):
+            places = places[state.atlas.identities[state.rows_at(places)] != KEYFRAME]
         chosen = self._associate(features, hints, places)
         settled = self._settled(places, confidence.settled_before)
         near, atlas = state.rows_at(places), state.atlas
@@ -147,7 +207,7 @@ class JointGaussian:
         for row in range(2):
             for column in range(2):
                 covariances[state.rows, row, column] = state.covariance[places + row, places + column]
-        used = np.flatnonzero(atlas.place >= AWAY)
+        used = np.flatnonzero((atlas.place >= AWAY) & (atlas.identities != KEYFRAME))
         return LandmarkMap(atlas.identities[used], means[used], covariances[used], atlas.log_odds[used])
 
     def state_bytes(self) -> bytes:
@@ -155,13 +215,6 @@ class JointGaussian:
         state = self._state
         log_odds = state.atlas.log_odds[state.rows]
         return state.mean[: state.size].tobytes() + state.covariance[:3, : state.size].tobytes() + log_odds.tobytes()
-
-    def _predict(self, mean: FloatArray, covariance: FloatArray) -> None:
-        if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
-            self.refused += 1
-            return
-        state = self._state
-        predict(state.mean, state.covariance, state.size, mean, covariance, float(self._jump[0]), float(self._jump[1]))
 
     @property
     def _arrays(self) -> JointArrays:
@@ -176,7 +229,7 @@ class JointGaussian:
             per_metre = tuning.match_per_metre_square if tuning.density else 0.0
             gates = Gates(tuning.match_square, per_metre, MATCH_WIDEST_SQUARE, CREATE_SQUARE, SLIP_SQUARE)
             old = self._settled(places, self.scans - SETTLED_SCANS)
-            return associate_with_slip(self._arrays, places, old, features, gates)
+            return associate_with_slip(self._arrays, places, self._landmark_places(), old, features, gates)
         mean, covariance = block(state.mean, state.covariance, places)
         gate = tuning.match_known_square if reported else MATCH_WIDEST_SQUARE
         hints = features.identities if reported else hints
@@ -184,6 +237,12 @@ class JointGaussian:
         chosen = np.full(len(hints), PENDING, dtype=np.int64)
         associate_by_hint(mean, covariance, self._mount, known, features, hints, gate, chosen)
         return chosen
+
+    def _landmark_places(self) -> IntArray:
+        """(l,) places of all landmarks of the state."""
+        state = self._state
+        places: IntArray = FIRST_PLACE + 2 * np.arange(state.count)
+        return places if not len(self._keyframes) else places[state.atlas.identities[state.rows] != KEYFRAME]
 
     def _settled(self, places: IntArray, before: int) -> BoolArray:
         """(k,) which landmarks were made before this scan's number and are likelier real than not."""

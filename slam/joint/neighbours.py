@@ -26,12 +26,14 @@ def update_existence(
 
 
 @kernel
-def neighbour_distances(mean: FloatArray, n: int, places: IntArray) -> FloatArray:
-    """Distance m of each landmark at places (k,) to its nearest other one; inf where it is the only one."""
+def neighbour_distances(mean: FloatArray, places: IntArray, others: IntArray) -> FloatArray:
+    """Distance m of each landmark at places (k,) to the nearest other one of others (l,); inf where it is the only
+    one.
+    """
     nearest = np.full(places.size, math.inf)
     for index in range(places.size):
         x, y = mean[places[index]], mean[places[index] + 1]
-        for at in range(FIRST_PLACE, n, 2):
+        for at in others:
             dx, dy = mean[at] - x, mean[at + 1] - y
             if at != places[index]:
                 nearest[index] = min(nearest[index], dx * dx + dy * dy)

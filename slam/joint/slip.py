@@ -19,18 +19,18 @@ BELIEVED = 4  # at least one in so many of the features that look like an old la
 
 
 def associate_with_slip(
-    joint: JointArrays, places: IntArray, old: BoolArray, features: FeatureRows, gates: Gates
+    joint: JointArrays, places: IntArray, others: IntArray, old: BoolArray, features: FeatureRows, gates: Gates
 ) -> IntArray:
     """Numbers of the landmarks among places (k,), or verdicts, of the features as seen from the predicted pose.
 
-    old (k,): landmarks that have stood for long; features that may be theirs are looked at first, nearest first, so
-    that no walker moves the pose before they do. Where most of what lies within gates.slip of an old landmark finds
-    none, each of the likeliest pairs is taken for true in turn, and the one with which most old landmarks are found is
-    kept. Where that is still few, they match by chance, as with a blinded laser or a kidnapped rover: then nothing is
-    believed.
+    others (l,): places of all landmarks of the state. old (k,): landmarks that have stood for long; features that may
+    be theirs are looked at first, nearest first, so that no walker moves the pose before they do. Where most of what
+    lies within gates.slip of an old landmark finds none, each of the likeliest pairs is taken for true in turn, and the
+    one with which most old landmarks are found is kept. Where that is still few, they match by chance, as with a
+    blinded laser or a kidnapped rover: then nothing is believed.
     """
-    mean, covariance, size, mount = joint
-    apart = neighbour_distances(mean, size, places)
+    mean, covariance, _, mount = joint
+    apart = neighbour_distances(mean, places, others)
     best, squares = nearest_old(joint, places, old, features, gates.slip)
     features = features._replace(order=np.lexsort((features.ranges_m, squares > gates.match_widest)))
     chosen = np.empty_like(best)

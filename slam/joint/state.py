@@ -69,6 +69,11 @@ class JointState:
         append(self.mean, self.covariance, self.size, mount, sighting)
         self._enter(self.atlas.add(identity, log_odds, self.size))
 
+    def create_end(self, identity: int, mount: FloatArray, sighting: Sighting) -> int:
+        """A point that is no landmark and never goes away; returns its row of the atlas."""
+        self.create(identity, math.inf, mount, sighting)
+        return int(self._rows[self.count - 1])
+
     def remove(self, number: int) -> None:
         """Forget the landmark with this number in the state; the last one takes its number."""
         row = int(self._rows[number])

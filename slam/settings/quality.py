@@ -13,8 +13,8 @@ class QualitySettings(BaseModel):
         gt=0,
         le=1e6,
         description="log-odds against the pose, from settled landmarks that are missed or found in plain sight, added "
-        "up over scans, from which it is lost; uncertain from half of it on. Raise it where `infant quality` shows false "
-        "alarms",
+        "up over scans, from which it is lost; uncertain from half of it on. Raise it where `infant quality` shows "
+        "false alarms",
     )
     uncertain_blind_s: float = Field(
         default=0.8,

@@ -1,0 +1,1 @@
+"""What does an earlier scan from nearby say of where the rover is?"""

@@ -1,0 +1,153 @@
+"""Earlier scans that the rover keeps, and what the present one, laid onto them, says of the pose.
+
+The place of a keyframe is part of the joint Gaussian, so that a scan laid onto one that is seconds old stops the drift
+of the dead reckoning, and a scan laid onto one from a lap ago closes the lap. No corner has to be found again for that.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.measurements import FloatArray
+from slam.front_end.alignment_kernels import EarlierScans, surface_normals
+from slam.front_end.alignment_search import Search
+from slam.front_end.deskew import Beams
+from slam.joint.gaussian import JointGaussian
+from slam.pose import Pose2
+
+STEP_M, STEP_RAD = 0.2, 0.15  # the rover moves or turns so far before another scan is laid onto keyframes
+NEW_M, NEW_RAD = 1.0, 0.6  # a scan becomes a keyframe where none that fits is so near
+REACH_M, REACH_SHARE = 6.0, 0.45  # keyframes farther away, or turned by more of the field of view, share too little
+OLD = 10  # a keyframe before the last so many closes a loop
+OLD_REACH_M = 4.0  # of such a keyframe, a radian counted as METRES_PER_RAD
+METRES_PER_RAD = 3.0
+MOST_OLD = 2  # are tried with one scan
+WIDEST_M, WIDEST_RAD = 0.7, 0.2  # sigma between pose and keyframe beyond which the search could end in the wrong place
+MOUNT_M, MOUNT_RAD = 0.03, 0.01  # what the mount and the sweep may be off by: the search is not held closer than this
+MOST_POINTS = 200  # of a scan are laid onto a keyframe
+MOST_BEAMS = 541  # of a keyframe are kept
+LEAST_POINTS, LEAST_SHARE = 30, 0.5  # on surfaces of the keyframe
+LARGEST_SQUARE = 50.0  # of a fit that contradicts the filter; farther off it is another place that looks alike
+INFORMATION_SHARE = 0.3  # of a fit's own claim: neighbouring scans share the errors of the keyframe
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Keyframe:
+    """A scan as it was taken: points_m and normals (n, 2) in the laser's frame, single precision; first_rad,
+    spacing_rad: where its beams point.
+    """
+
+    points_m: FloatArray
+    normals: FloatArray
+    first_rad: float
+    spacing_rad: float
+
+    @property
+    def field_of_view_rad(self) -> float:
+        """Angle between its outermost beams."""
+        return (len(self.points_m) - 1) * self.spacing_rad
+
+
+class Keyframes:
+    """Chooses keyframes near the pose, lays the scan onto them and tells the joint Gaussian what came out.
+
+    fitted: how many fits were believed; closed: those of them with an old keyframe.
+    """
+
+    def __init__(self, joint: JointGaussian, body_from_laser: Pose2) -> None:
+        self._joint = joint
+        self._body_from_laser = body_from_laser
+        self._laser_from_body = body_from_laser.inverse()
+        self._keyframes: list[Keyframe] = []
+        self._moved_from: FloatArray | None = None
+        self._wanted = False
+        self.fitted = 0
+        self.closed = 0
+
+    def __len__(self) -> int:
+        return len(self._keyframes)
+
+    def constrain(self, beams: Beams) -> bool:
+        """Condition the joint Gaussian on how the scan lies on keyframes; True where it was told anything."""
+        self._wanted = False
+        pose = self._joint.map_from_body
+        if self._moved_from is not None:
+            since = Pose2(*self._moved_from.tolist()).inverse() @ pose
+            if math.hypot(since.x_m, since.y_m) < STEP_M and abs(since.heading_rad) < STEP_RAD:
+                return False
+        self._moved_from = pose.as_array()
+        returned = np.flatnonzero(~np.isnan(beams.ranges_m))
+        if len(returned) < LEAST_POINTS:
+            return False
+        points = self._body_from_laser.transform(beams.points_m[returned[:: -(-len(returned) // MOST_POINTS)]])
+        self._wanted = True
+        told = False
+        for number in self._candidates():
+            near = self._fit(number, points)
+            if near is not None:
+                told = True
+                self._wanted = self._wanted and not near
+        return told
+
+    def keep(self, beams: Beams) -> None:
+        """Make the scan a keyframe where no fitting one is near enough; the joint Gaussian stands at its pose."""
+        if not self._wanted:
+            return
+        self._wanted = False
+        normals = np.empty_like(beams.points_m)
+        surface_normals(beams.points_m, beams.spacing_rad, normals)
+        stride = -(-len(beams) // MOST_BEAMS)
+        self._keyframes.append(
+            Keyframe(
+                beams.points_m[::stride].astype(np.float32),
+                normals[::stride].astype(np.float32),
+                float(math.atan2(beams.rays[0, 1], beams.rays[0, 0])),
+                stride * beams.spacing_rad,
+            )
+        )
+        self._joint.add_keyframe()
+
+    def _candidates(self) -> list[int]:
+        """Numbers of the nearest keyframe and of a few old ones nearby."""
+        between = self._joint.from_keyframes()
+        distances, turns = np.hypot(between[:, 0], between[:, 1]), np.abs(between[:, 2])
+        views = np.array([keyframe.field_of_view_rad for keyframe in self._keyframes])
+        apart = np.where(
+            (distances < REACH_M) & (turns < REACH_SHARE * views), distances + METRES_PER_RAD * turns, math.inf
+        )
+        order = np.argsort(apart, kind="stable")
+        order = order[np.isfinite(apart[order])]
+        old = order[(order < len(apart) - OLD - 1) & (apart[order] < OLD_REACH_M)][:MOST_OLD]
+        return list(dict.fromkeys((*order[:1].tolist(), *old.tolist())))
+
+    def _fit(self, number: int, points_m: FloatArray) -> bool | None:
+        """Lay points (p, 2), body frame, onto a keyframe; None where they do not fit, else whether it is near."""
+        predicted, covariance = self._joint.from_keyframe(number)
+        spread = np.diag(covariance)
+        if math.sqrt(spread[0] + spread[1]) > WIDEST_M or math.sqrt(spread[2]) > WIDEST_RAD:
+            return None
+        keyframe, start = self._keyframes[number], self._laser_from_body
+        surfaces = EarlierScans(
+            keyframe.points_m.astype(np.float64)[None],
+            keyframe.normals.astype(np.float64)[None],
+            np.array([(start.x_m, start.y_m, math.cos(start.heading_rad), math.sin(start.heading_rad))]),
+            keyframe.first_rad,
+            keyframe.spacing_rad,
+        )
+        wheels = covariance + np.diag((MOUNT_M**2, MOUNT_M**2, MOUNT_RAD**2))
+        motion, information, count = Search(points_m, surfaces).best(predicted, wheels)
+        if count < max(LEAST_POINTS, LEAST_SHARE * len(points_m)):
+            return None
+        off = motion - predicted
+        off[2] = math.remainder(off[2], 2.0 * math.pi)
+        held, prior = np.linalg.inv(wheels), np.linalg.inv(covariance)
+        told = INFORMATION_SHARE * (information - held)
+        innovation = covariance + np.linalg.inv(told + 1e-9 * np.eye(3))
+        if not off @ np.linalg.solve(innovation, off) < LARGEST_SQUARE:
+            return None
+        posterior = np.linalg.inv(told + prior)
+        self._joint.condition(number, posterior @ (told @ off + INFORMATION_SHARE * (held @ off)), posterior)
+        self.fitted += 1
+        self.closed += number < len(self._keyframes) - OLD - 1
+        return bool(math.hypot(predicted[0], predicted[1]) < NEW_M and abs(predicted[2]) < NEW_RAD)
