@@ -8,7 +8,7 @@ from itertools import chain
 
 import numpy as np
 
-from drivers.measurements import FloatArray, IntArray, ScanLike, WheelSample
+from drivers.measurements import FloatArray, IntArray, Scan, ScanLike, WheelSample
 from slam.estimate import AHEAD_NS, Estimate
 from slam.front_end.alignment import Alignment
 from slam.front_end.deskew import Twist, with_motion_noise
@@ -121,7 +121,9 @@ class Estimator:
         self._mark("front end")
         features = with_motion_noise(features, scan, increment.covariance, increment.duration_s)
         rows = usable_rows(features, self._settings.view.range_max_m, self._body_from_laser.heading_rad)
-        sight = sight_line(scan, self._settings.front_end.range_min_m)
+        seen_share = seen_before_share(verdicts)
+        blind = isinstance(scan, Scan) and seen_share is None  # nothing came back: that says nothing of what is gone
+        sight = BLIND if blind else sight_line(scan, self._settings.front_end.range_min_m)
 
         # associate, sample, update, resample and prune in every particle (III-B)
         outcome = self._particles.step(increment, rows, sight)
@@ -133,7 +135,7 @@ class Estimator:
         self._joint.observe(rows, outcome.matches, sight, confidence, at_rest)
         if self._alignment.laid is not None and not confidence.lost:
             self._keyframes.keep(self._alignment.laid)
-        self._quality.add(scan.stamp_ns, self._joint.evidence, seen_before_share(verdicts))
+        self._quality.add(scan.stamp_ns, self._joint.evidence, seen_share)
         self._mark("joint")
 
         matches = verdicts_of_all(rows, outcome.matches, len(features))

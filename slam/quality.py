@@ -55,6 +55,7 @@ class QualityMonitor:
         self._blind_scans = 0
         self._supported_ns: int | None = None
         self._evidence = Evidence()
+        self._seen_before_share: float | None = None
 
     @property
     def settled_before(self) -> int:
@@ -68,14 +69,16 @@ class QualityMonitor:
 
     @property
     def figures(self) -> dict[str, float]:
-        """What the judgement rests on, for the record."""
+        """What the judgement rests on, for the record; seen_before_share is -1 where nothing could be compared."""
         evidence = self._evidence
         return {
             "known_in_view": float(evidence.known),
             "known_found": float(evidence.found),
             "known_missed": float(evidence.missed),
+            "known_against": evidence.against,
             "known_square": evidence.square,
             "doubt_score": self._score,
+            "seen_before_share": -1.0 if self._seen_before_share is None else self._seen_before_share,
         }
 
     @property
@@ -92,7 +95,7 @@ class QualityMonitor:
         """
         settings = self._settings
         self._scans += 1
-        self._evidence = evidence
+        self._evidence, self._seen_before_share = evidence, seen_before_share
         if evidence.known == 0 and not self._lost:
             self._score *= 1.0 - FADING
         score = self._score + evidence.against

@@ -66,8 +66,11 @@ def _drive(settings: SlamSettings, numbers: range) -> Iterator[WarmUpTick]:
 
 
 def warm_up_window(joint: JointGaussian) -> None:
-    """Things to the horizon and back: what leaves the joint state, comes back into it and is forgotten."""
+    """A keyframe, then things to the horizon and back: what leaves the joint state, comes back and is forgotten."""
+    joint.add_keyframe()
     covariance = np.diag((1e-4, 1e-4, 1e-6))
+    joint.predict(np.zeros(3), covariance)
+    joint.condition(0, np.zeros(3), 0.5 * joint.from_keyframe(0)[1])
     stops = (0.0, 150.0, 150.0, -300.0)  # m ahead: the first things come into view again at the last stop but one
     hints = np.full(len(RINGS_M), -1)
     for ahead_m in stops:

@@ -1,7 +1,7 @@
-"""What the front end does with scans that come seconds apart: lays each onto those before it (decision 0016).
+"""Lays a scan onto those before it where the wheels alone do not tell well enough how the rover moved (decisions 0016,
+0026, 0027).
 
-Between such scans the wheels err by more than features are apart, and no earlier scan is young enough to be compared
-with. The motion by the wheels is the prior of a point-to-line alignment (Censi 2008) with a few earlier scans; the
+The motion by the wheels is the prior of a point-to-line alignment (Censi 2008) with a few earlier scans; the
 result enters the filter as the increment that the wheels would have given, better known.
 """
 
@@ -28,8 +28,13 @@ WHEELS_SIGMA_RAD = 0.01  # rad; the same for turns
 LEAST_POINTS = 25  # with fewer points on surfaces nothing is refined
 LEAST_SHARE = 0.3  # nor with a smaller share of the points that came back
 NEED_M = 0.15  # half the width of a door post: what the wheels may be off by before features are matched wrongly
+NEED_AMONG_WALLS_M = 0.07  # the same where a scan shows surfaces, onto which it can be laid more exactly than that
+WALLS_SHARE = 0.8  # of the returns of a scan that lie on surfaces there: trees have half of them
+UNUSUAL_SHARE = 0.15  # so many points fewer than usual on surfaces of the scan before say that the wheels are wrong
+FIRST_USUAL_SHARE, USUAL_GAIN = 0.9, 0.05
 NEED_RANGE_M = 10.0  # at this distance: what a wrong heading moves
 WIDEST_SQUARE = 30.0  # nor where the result contradicts the wheels by this squared distance, unless they have slipped:
+SUSPECT_SQUARE = 11.3  # that wheels which were only suspected are off by, 99 % of what chance makes of three numbers
 SLIP_SHARE = 0.7  # so many points are on surfaces then
 SLIP_GAIN = 0.1  # and so many more than by the wheels' motion
 
@@ -59,6 +64,7 @@ class Alignment:
         self._past: deque[SeenFrom] = deque(maxlen=max(1 + PAST_SCANS * (PAST_SCANS - 1) // 2, LEAST_SUPPORT))
         self._path_from_body = Pose2()
         self._trust = WheelTrust()
+        self._usual_share = FIRST_USUAL_SHARE
         self.refined = 0
         self.laid: Beams | None = None
 
@@ -72,8 +78,11 @@ class Alignment:
             return increment
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
         now = SeenFrom(scan, twist, Pose2())
-        if not increment.at_rest and self._past and (self._sparse(scan.stamp_ns) or self._is_needed(increment)):
-            increment = self._aligned(now, increment)
+        if not increment.at_rest and self._past:
+            if self._sparse(scan.stamp_ns) or self._is_needed(increment):
+                increment = self._aligned(now, increment)
+            elif self._is_among_walls() and self._looks_unusual(now, increment):
+                increment = self._aligned(now, increment, only_if_slipped=True)
         self._path_from_body = now.path_from_body = self._path_from_body @ increment.as_pose()
         self._past.append(now)
         return increment
@@ -85,23 +94,36 @@ class Alignment:
         return any(stamp_ns - past.scan.stamp_ns > oldest_ns for past in needed)
 
     def _is_needed(self, increment: Increment) -> bool:
-        """True where the wheels could move what is matched by more than things lie apart."""
+        """True where the wheels could move what is matched by more than things lie apart, and among walls where they
+        could by more than walls are seen to a few centimetres.
+        """
         variances = np.diag(self._trust.scaled(increment.covariance))
         off_m = math.sqrt(variances[0] + variances[1]) + NEED_RANGE_M * math.sqrt(variances[2])
-        return off_m > NEED_M
+        return off_m > NEED_M or (off_m > NEED_AMONG_WALLS_M and self._is_among_walls())
 
-    def _aligned(self, now: SeenFrom, increment: Increment) -> Increment:
-        """The increment that lays the scan onto those before it; as it was where that cannot be told."""
-        prior = increment.mean
-        floor = np.array((WHEELS_SIGMA_M, WHEELS_SIGMA_M, WHEELS_SIGMA_RAD)) ** 2
-        covariance = self._trust.scaled(increment.covariance + np.diag(floor))
-        if not self._trust.is_as_claimed:
-            increment = replace(increment, covariance=self._trust.scaled(increment.covariance))
-        past = [seen for seen in self._references() if same_directions(seen.scan, now.scan)]
+    def _looks_unusual(self, now: SeenFrom, increment: Increment) -> bool:
+        """Whether the scan lies on the one before worse than it usually does by the wheels' motion."""
+        search = self._search(now, [self._past[-1]])
+        if search is None:
+            return False
+        share = search.on_surfaces(increment.mean) / len(search.points_m)
+        usual = self._usual_share
+        self._usual_share += USUAL_GAIN * (share - usual)
+        return share < usual - UNUSUAL_SHARE
+
+    def _is_among_walls(self) -> bool:
+        """Whether the scan before saw mostly surfaces."""
+        before = self._past[-1]
+        returned = ~np.isnan(self._beams(before).ranges_m)
+        return bool((~np.isnan(self._normals(before)[:, 0])).sum() >= WALLS_SHARE * max(returned.sum(), 1))
+
+    def _search(self, now: SeenFrom, past: list[SeenFrom]) -> Search | None:
+        """The search for the motion that lays a scan onto earlier ones; None where there is too little to see."""
+        past = [seen for seen in past if same_directions(seen.scan, now.scan)]
         beams = self._beams(now)
         returned = np.flatnonzero(~np.isnan(beams.ranges_m))
-        if not past or len(returned) < LEAST_POINTS or not np.isfinite(covariance).all():
-            return increment
+        if not past or len(returned) < LEAST_POINTS:
+            return None
         points = beams.points_m[returned[:: -(-len(returned) // MOST_POINTS)]]
         past_from_body = [
             (seen.path_from_body @ self._body_from_laser).inverse() @ self._path_from_body for seen in past
@@ -113,18 +135,36 @@ class Alignment:
             float(now.scan.bearings_rad[0]),
             beams.spacing_rad,
         )
-        search = Search(self._body_from_laser.transform(points), earlier)
+        return Search(self._body_from_laser.transform(points), earlier)
+
+    def _aligned(self, now: SeenFrom, increment: Increment, only_if_slipped: bool = False) -> Increment:
+        """The increment that lays the scan onto those before it; as it was where that cannot be told, or where the
+        wheels were only suspected and are not clearly wrong.
+        """
+        prior = increment.mean
+        floor = np.array((WHEELS_SIGMA_M, WHEELS_SIGMA_M, WHEELS_SIGMA_RAD)) ** 2
+        covariance = self._trust.scaled(increment.covariance + np.diag(floor))
+        if not self._trust.is_as_claimed:
+            increment = replace(increment, covariance=self._trust.scaled(increment.covariance))
+        search = self._search(now, self._references())
+        if search is None or not np.isfinite(covariance).all():
+            return increment
         motion, information, count = search.best(prior, covariance)
         off = motion - prior
-        if count < max(LEAST_POINTS, LEAST_SHARE * len(points)):
+        if count < max(LEAST_POINTS, LEAST_SHARE * len(search.points_m)):
             return increment
         refined: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
         square = float(off @ np.linalg.solve(covariance, off))
-        self._trust.compare(off, covariance, refined)
-        if not square <= WIDEST_SQUARE and not self._have_slipped(search, prior, count):  # also where it is NaN
+        if not only_if_slipped:
+            self._trust.compare(off, covariance, refined)
+        contradicts = not square <= (SUSPECT_SQUARE if only_if_slipped else WIDEST_SQUARE)  # also where it is NaN
+        if contradicts and not self._have_slipped(search, prior, count):
+            return increment
+        if only_if_slipped and not contradicts:
             return increment
         self.refined += 1
-        self.laid = beams
+        if not only_if_slipped:
+            self.laid = self._beams(now)
         motion[2] = wrap_rad(float(motion[2]))
         return replace(increment, mean=motion, covariance=0.5 * (refined + refined.T))
 

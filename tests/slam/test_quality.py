@@ -16,8 +16,8 @@ from slam.settings.quality import QualitySettings
 from slam.settings.slam import SlamSettings
 
 NARROW = np.diag((1e-4, 1e-4, 1e-6))
-GOOD = Evidence(known=20, found=12, missed=0, square=2.0)
-GONE = Evidence(known=20, found=0, missed=10, square=0.0)
+GOOD = Evidence(known=20, found=12, missed=0, against=-12.0, square=2.0)
+GONE = Evidence(known=20, found=0, missed=10, against=10.0, square=0.0)
 TICK_NS = 100_000_000
 SETTINGS = QualitySettings(lost_score=20.0)
 
@@ -42,7 +42,7 @@ def test_landmarks_missed_in_plain_sight_make_the_pose_uncertain_and_then_lost()
 
 
 def test_lost_ends_only_when_what_is_found_makes_up_for_what_was_missed() -> None:
-    some = replace(GOOD, found=4)
+    some = replace(GOOD, found=4, against=-4.0)
     assert quality(*after(*[GONE] * 3, some)) is Quality.LOST
     assert quality(*after(*[GONE] * 3, *[GOOD] * 4)) is Quality.TRACKING
 
@@ -55,7 +55,9 @@ def test_a_rover_that_lost_its_way_does_not_believe_in_the_map_that_it_found_the
     assert lost.map_is_kept
 
 
-@pytest.mark.parametrize("blind", [replace(GOOD, found=0), Evidence(known=30, found=1, missed=0, square=3.0)])
+@pytest.mark.parametrize(
+    "blind", [replace(GOOD, found=0, against=0.0), Evidence(known=30, found=1, missed=0, square=3.0)]
+)
 def test_scans_in_which_only_chance_finds_anything_do_not_support_the_pose(
     blind: Evidence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -87,7 +89,7 @@ def test_a_wide_covariance_a_gap_between_the_filters_and_inconsistent_innovation
 def test_every_doubt_has_a_reason_whose_name_does_not_change_with_its_figures() -> None:
     names = set()
     for scans in (20, 25, 30):
-        monitor, now_ns = after(*[GOOD] * 20, *[replace(GOOD, found=0)] * scans)
+        monitor, now_ns = after(*[GOOD] * 20, *[replace(GOOD, found=0, against=0.0)] * scans)
         names.add(monitor.judge(now_ns, NARROW, 0.0).doubt.split(":")[0])
     assert names == {"nothing of the map is seen"}
     assert after(GOOD)[0].judge(TICK_NS, NARROW, 0.0).doubt == ""

@@ -32,7 +32,10 @@ PLACES: Mapping[str, Mapping[str, Any]] = {
         "drive": DriveSettings(course_scale=3.0),
     },
 }
-COLUMNS = ("stamp_s", "has_scan", "known", "found", "missed", "square", "sigma_m", "gap_m", "error_m", "error_rad")
+COLUMNS = (
+    *("stamp_s", "has_scan", "known", "found", "missed", "square", "sigma_m", "gap_m", "error_m", "error_rad"),
+    *("against", "seen_before_share"),
+)
 
 
 def place(name: str, seed: int) -> WorldSettings:
@@ -81,6 +84,8 @@ def trial(
                 round(math.dist((pose.x_m, pose.y_m), (estimate.particle_mean.x_m, estimate.particle_mean.y_m)), 4),
                 round(math.dist((pose.x_m, pose.y_m), truth[:2]), 4),
                 round(wrap_rad(pose.heading_rad - float(truth[2])), 5),
+                round(counts.get("known_against", 0.0), 3),
+                round(counts.get("seen_before_share", -1.0), 3),
             ]
         )
     return {
@@ -108,6 +113,7 @@ def judged_again(trace: FloatArray, settings: QualitySettings) -> Iterator[Quali
     for row in trace:
         stamp_ns = round(row[0] * 1e9)
         if row[1]:
-            monitor.add(stamp_ns, Evidence(int(row[2]), int(row[3]), int(row[4]), float(row[5])))
+            evidence = Evidence(int(row[2]), int(row[3]), int(row[4]), float(row[10]), float(row[5]))
+            monitor.add(stamp_ns, evidence, None if row[11] < 0.0 else float(row[11]))
         covariance = np.diag((row[6] ** 2, row[6] ** 2, 0.0))
         yield monitor.judge(stamp_ns, covariance, float(row[7])).quality

@@ -56,7 +56,7 @@ def test_the_study_has_as_many_drives_of_each_sort_as_it_was_asked_for() -> None
     kinds = [job.arguments["kind"] for job in jobs]
     assert (sum(kind in KIDNAPPED for kind in kinds), kinds.count("")) == (100, 18)
     assert len({job.key for job in jobs}) == len(jobs)
-    assert len(COLUMNS) == 10
+    assert len(COLUMNS) == 12
 
 
 @pytest.mark.parametrize("kind", KIDNAPPED)
