@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+
+from drivers.measurements import FloatArray
+from slam.front_end.deskew import Beams, Twist, deskew
+from slam.joint.gaussian import JointGaussian
+from slam.keyframes.keyframes import Keyframes
+from slam.pose import Pose2
+from slam.settings.joint import JointSettings
+from slam.settings.slam import SlamSettings
+from tests.support.slam.corridor import Stop, drive_round
+
+MOUNT = Pose2(0.1, 0.0, 0.0)
+WHEELS = np.diag((0.05, 0.05, 0.03)) ** 2
+
+
+@pytest.fixture(scope="module")
+def stops() -> list[Stop]:
+    return drive_round(1, 0.2, MOUNT)
+
+
+def beams_of(stop: Stop) -> Beams:
+    return deskew(stop.scan, Twist(), MOUNT, 0.1, 20.0)
+
+
+def driven(stops: list[Stop], errors: FloatArray) -> tuple[JointGaussian, Keyframes]:
+    """The true motion with an error (n, 3) a step, each scan laid onto keyframes."""
+    joint = JointGaussian(JointSettings(), MOUNT, SlamSettings().tuning())
+    keyframes = Keyframes(joint, MOUNT)
+    before = stops[0].map_from_body
+    for stop, error in zip(stops, errors, strict=True):
+        moved = (before.inverse() @ stop.map_from_body).as_array() + error
+        joint.predict(moved, WHEELS)
+        keyframes.constrain(beams_of(stop))
+        keyframes.keep(beams_of(stop))
+        before = stop.map_from_body
+    return joint, keyframes
+
+
+def error_of(joint: JointGaussian, stops: list[Stop]) -> FloatArray:
+    true = stops[0].map_from_body.inverse() @ stops[-1].map_from_body
+    return (true.inverse() @ joint.map_from_body).as_array()
+
+
+def test_scans_laid_onto_keyframes_take_out_most_of_what_the_wheels_err_by(stops: list[Stop]) -> None:
+    rng = np.random.default_rng(3)
+    errors = rng.normal(size=(len(stops), 3)) * np.sqrt(np.diag(WHEELS))
+    errors[0] = 0.0
+    joint, keyframes = driven(stops, errors)
+    assert keyframes.fitted >= len(stops) // 2
+    assert 1 < len(keyframes) <= len(stops)
+    by_wheels = np.abs(errors[:, 2].sum())
+    assert np.abs(error_of(joint, stops)[2]) < 0.2 * max(by_wheels, 0.05)
+    assert np.hypot(*error_of(joint, stops)[:2]) < 0.2
+
+
+def test_a_rover_that_comes_back_closes_its_loop_with_an_old_keyframe(stops: list[Stop]) -> None:
+    there_and_back = stops + stops[-2::-1]
+    rng = np.random.default_rng(4)
+    errors = rng.normal(size=(len(there_and_back), 3)) * 0.3 * np.sqrt(np.diag(WHEELS))
+    errors[0] = 0.0
+    joint, keyframes = driven(there_and_back, errors)
+    assert keyframes.closed > 0
+    assert np.hypot(*error_of(joint, there_and_back)[:2]) < 0.1
+    assert np.sqrt(np.trace(joint.covariance[:2, :2])) < 0.15
+
+
+def test_a_scan_of_another_place_is_not_believed(stops: list[Stop]) -> None:
+    joint, keyframes = driven(stops[:1], np.zeros((1, 3)))
+    joint.predict(np.array((0.5, 0.0, 0.0)), WHEELS)
+    before = joint.map_from_body
+    elsewhere = stops[0].scan.ranges_m[::-1] * 0.4
+    other = beams_of(
+        Stop(
+            stops[0].map_from_body,
+            type(stops[0].scan)(
+                stops[0].scan.stamp_ns, np.ascontiguousarray(elsewhere), stops[0].scan.bearings_rad, 0.0, 0
+            ),
+            stops[0].wheels,
+        )
+    )
+    assert not keyframes.constrain(other)
+    assert joint.map_from_body == before
