@@ -16,7 +16,7 @@ from slam.front_end.front_ends import make_front_end
 from slam.joint.evidence import Confidence
 from slam.joint.gaussian import JointGaussian
 from slam.keyframes.keyframes import Keyframes
-from slam.observations import NO_FEATURES, seen_before_share, usable_rows, verdicts_of_all
+from slam.observations import MOST_FEATURES, NO_FEATURES, seen_before_share, usable_rows, verdicts_of_all
 from slam.odometry.odometry import Increment, Odometry
 from slam.particles.fastslam import FastSlam, ScanOutcome
 from slam.pose import Pose2
@@ -25,6 +25,7 @@ from slam.settings.slam import SlamSettings
 from slam.visibility import BLIND, sight_line
 from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, warm_up_window
 
+FREE_REST_NS = 1_000_000_000
 MAP_EVERY = 10  # scans: once a second, as often as the map is published
 
 
@@ -67,6 +68,7 @@ class Estimator:
         self._keyframes = Keyframes(self._joint, self._body_from_laser)
         self._quality = QualityMonitor(settings.quality)
         self._scan_ns: int | None = None
+        self._rest_ns: int | None = None
         self._tick_ns: int | None = None
         self._refused_scans = self._scans_ahead = 0
         self._not_finite = 0
@@ -117,7 +119,9 @@ class Estimator:
         self._mark("odometry")
 
         # difference and features (III-A)
-        features, verdicts = self._front_end.observe(scan, predicted, twist, increment.at_rest)
+        arrived = self._has_just_stopped(scan.stamp_ns, increment.at_rest)
+        increment = replace(increment, at_rest=arrived)
+        features, verdicts = self._front_end.observe(scan, predicted, twist, arrived)
         self._mark("front end")
         features = with_motion_noise(features, scan, increment.covariance, increment.duration_s)
         rows = usable_rows(features, self._settings.view.range_max_m, self._body_from_laser.heading_rad)
@@ -131,8 +135,7 @@ class Estimator:
 
         # the joint Gaussian, whose pose is published, and whether it can be believed
         confidence = Confidence(self._quality.settled_before, self._quality.map_is_kept)
-        at_rest = not (increment.covariance.any() or increment.mean.any())
-        self._joint.observe(rows, outcome.matches, sight, confidence, at_rest)
+        self._joint.observe(rows, outcome.matches, sight, confidence, arrived)
         if self._alignment.laid is not None and not confidence.lost:
             self._keyframes.keep(self._alignment.laid)
         self._quality.add(scan.stamp_ns, self._joint.evidence, seen_share)
@@ -152,6 +155,17 @@ class Estimator:
             landmarks=self._joint.landmarks() if due else None,
             counts=prediction.counts | self._scan_counts(increment, matches, outcome) | self._quality.figures,
         )
+
+    def _has_just_stopped(self, stamp_ns: int, at_rest: bool) -> bool:
+        """True in the first second at rest, when everything may create a landmark; afterwards earlier scans vote, or
+        whoever walks past a rover that stands would become part of its map.
+        """
+        if not at_rest:
+            self._rest_ns = None
+            return False
+        if self._rest_ns is None:
+            self._rest_ns = stamp_ns
+        return stamp_ns - self._rest_ns < FREE_REST_NS
 
     def _keep_motion(self, increment: Increment, particle_scans: int, joint_moves: int) -> None:
         """A step has failed: its scan is lost, but not the motion that the wheels measured.
@@ -222,13 +236,14 @@ class Estimator:
         """Figures of a tick with a scan."""
         return {
             "features": float(len(matches)),
+            "features_left_out": float(max(len(matches) - MOST_FEATURES, 0)),
             "matched": float((matches >= 0).sum()),
             "created": outcome.created,
             "removed": outcome.removed,
             "likelihoods": float(outcome.likelihoods),
             "effective_particles": outcome.effective,
             "resampled": float(outcome.resampled),
-            "at_rest": float(increment.at_rest),
+            "at_rest": float(self._rest_ns is not None),
             "odometry_known": float(increment.known),
             "scans_aligned": float(self._alignment.refined),
             "keyframes": float(len(self._keyframes)),

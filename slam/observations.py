@@ -9,6 +9,7 @@ import numpy as np
 from drivers.measurements import BoolArray, FloatArray, IntArray, VerdictArray
 from slam.pose import wrap_rads
 
+MOST_FEATURES = 256  # of a scan are matched, the most exact ones: a torn scan must not make a step too long
 IDENTITIES_PER_SCAN = 4096  # a landmark is named by the scan that made it, times this, plus the feature's number
 
 
@@ -99,7 +100,7 @@ NO_FEATURES = FeatureRows(
 
 
 def usable_rows(features: Features, range_max_m: float, mount_yaw_rad: float) -> FeatureRows:
-    """Features that are finite, within range, and have a positive definite covariance.
+    """Features that are finite, within range, and have a positive definite covariance; the most exact if they are many.
 
     mount_yaw_rad: heading of the laser on the body.
     """
@@ -109,7 +110,10 @@ def usable_rows(features: Features, range_max_m: float, mount_yaw_rad: float) ->
         finite = np.isfinite(features.ranges_m) & np.isfinite(features.bearings_rad) & np.isfinite(determinants)
         definite = (c[:, 0, 0] > 0.0) & (determinants > 0.0)
         near = (features.ranges_m > 0.0) & (features.ranges_m <= range_max_m)
-    usable = np.flatnonzero(finite & definite & near)[:IDENTITIES_PER_SCAN]
+    usable = np.flatnonzero(finite & definite & near)
+    if len(usable) > MOST_FEATURES:
+        spread = c[usable, 0, 0] + features.ranges_m[usable] ** 2 * c[usable, 1, 1]
+        usable = np.sort(usable[np.argsort(spread, kind="stable")[:MOST_FEATURES]])
     c, ranges, bearings = c[usable], features.ranges_m[usable], wrap_rads(features.bearings_rad[usable])
     return FeatureRows(
         ranges,

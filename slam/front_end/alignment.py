@@ -35,6 +35,7 @@ FIRST_USUAL_SHARE, USUAL_GAIN = 0.9, 0.05
 NEED_RANGE_M = 10.0  # at this distance: what a wrong heading moves
 WIDEST_SQUARE = 30.0  # nor where the result contradicts the wheels by this squared distance, unless they have slipped:
 SUSPECT_SQUARE = 11.3  # that wheels which were only suspected are off by, 99 % of what chance makes of three numbers
+SLIP_M, SLIP_RAD = 0.15, 0.1  # sigma of the motion by wheels that are suspected
 SLIP_SHARE = 0.7  # so many points are on surfaces then
 SLIP_GAIN = 0.1  # and so many more than by the wheels' motion
 
@@ -149,7 +150,8 @@ class Alignment:
         search = self._search(now, self._references())
         if search is None or not np.isfinite(covariance).all():
             return increment
-        motion, information, count = search.best(prior, covariance)
+        slip = np.diag((SLIP_M, SLIP_M, SLIP_RAD)) ** 2 if only_if_slipped else np.zeros((3, 3))
+        motion, information, count = search.best(prior, covariance + slip)
         off = motion - prior
         if count < max(LEAST_POINTS, LEAST_SHARE * len(search.points_m)):
             return increment

@@ -24,7 +24,7 @@ class FrontEnd(Protocol):
         """Features of the scan and a BeamVerdict for each of its beams (n,).
 
         odom_from_body: dead-reckoned pose at the scan's stamp. twist: velocity during the sweep. at_rest: the wheels
-        stand still; then every feature may create a landmark at once, without difference or vote.
+        have just stopped; then every feature may create a landmark at once, without difference or vote.
         Raises TypeError for a kind of scan that this front end is not made for.
         """
 

@@ -13,6 +13,7 @@ GAP_M = 0.1  # neighbouring returns farther apart are of two things, m, plus GAP
 GAP_BEAMS = 3.0  # times the beams' own distance at that range; 3 follows a wall up to 70 deg of incidence
 BRIDGE_BEAMS = 1  # so many empty beams do not end a segment
 GUARD_BEAMS = 2  # so many beams beside a segment must not fall on anything near it
+HOLE_BEAMS = 8  # so many empty beams in a row may be a hole in a surface
 PROMINENCE_M = 0.3  # what is beside a segment is behind it by this, m
 THIN_PROMINENCE_M = 0.6  # the same for segments of one or two beams, m: noise has such dips too
 ROUGHNESS = 0.12  # RMS distance from a round trunk, in radii, beyond which a segment is none; a flat board has 0.22
@@ -53,14 +54,17 @@ def runs_of_beams(beams: Beams) -> IntArray:
 def clear_beside(ranges_m: FloatArray, beam: int, step: int, guard: int, farther_than_m: float) -> bool:
     """True if the first return within `guard` beams beside `beam` lies behind; False at the end of the sweep.
 
-    Something nearer there hides where the surface really ends.
+    Something nearer there hides where the surface really ends. Where all of these beams came back empty, a return as
+    far away within HOLE_BEAMS says that the surface goes on behind a hole: wet, dark and glass drop beams.
     """
-    for offset in range(1, guard + 1):
+    for offset in range(1, max(guard, HOLE_BEAMS) + 1):
         other = beam + step * offset
         if other < 0 or other >= ranges_m.shape[0]:
             return offset > 1
         if not math.isnan(ranges_m[other]):
-            return bool(ranges_m[other] > farther_than_m)
+            if offset <= guard:
+                return bool(ranges_m[other] > farther_than_m)
+            return bool(abs(ranges_m[other] - ranges_m[beam]) > PROMINENCE_M)
     return True
 
 

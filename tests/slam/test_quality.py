@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import slam.quality
+from drivers.measurements import Scan, WheelCounts, uniform_bearings
 from drivers.settings.simulated_world import WorldSettings
 from runtime.studies.loss_detection.drives import BLINDED, KIDNAPPED, Mishap, MishapKind, draw_mishap, simulated_ticks
 from slam.estimate import Estimate, Quality
@@ -121,3 +122,19 @@ def test_a_rover_that_sees_again_finds_itself_because_it_kept_its_map(kind: Mish
     assert estimates[158].quality is Quality.LOST
     assert estimates[-1].quality is Quality.TRACKING
     assert estimates[-1].covariance[0, 0] < 0.01
+
+
+def test_whoever_walks_past_a_rover_that_has_stood_for_a_second_creates_no_landmark() -> None:
+    """A post five metres ahead, and a walker of the same size who crosses the view at 1 m/s."""
+    bearings = uniform_bearings(-1.5, 3.0 / 720, 721)
+    estimator, landmarks = Estimator(SlamSettings.model_validate({"particles": 3}), 1), []
+    for number in range(1, 60):
+        ranges = np.full(len(bearings), np.nan, dtype=np.float32)
+        for x, y in ((5.0, 2.0), (4.0, 0.1 * number - 3.0)):
+            ranges[np.abs(bearings - np.arctan2(y, x)) < 0.15 / np.hypot(x, y)] = np.hypot(x, y)
+        wheels = (WheelCounts(number * TICK_NS - 1000, 0.0, 0.0),)
+        estimate = estimator.step(number * TICK_NS, Scan(number * TICK_NS, ranges, bearings), wheels)
+        landmarks.append((estimate.counts["at_rest"], estimate.counts["created"]))
+    assert all(at_rest for at_rest, _ in landmarks)
+    assert landmarks[0][1] == 2
+    assert sum(created for _, created in landmarks[12:]) == 0

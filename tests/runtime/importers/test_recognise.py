@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.errors import DataSetError, InfantError, UsageError
@@ -17,6 +17,7 @@ from runtime.importers.data_set import import_data_set
 from runtime.importers.recognise import load
 from runtime.importers.rosbag import Topics
 from runtime.record.reader import RunReader
+from tests.support.examples import examples
 from tests.support.runtime.bags import Made, room_drive, write_bag1, write_mcap
 from tests.support.runtime.carmen_logs import moments, robotlaser, room_log, room_ranges
 from tests.support.runtime.data_sets import POSES, SCANS, write_set
@@ -71,7 +72,7 @@ def outcome(source: Path, run: Path, at_rest: bool) -> tuple[dict[str, Any] | No
         return None, error
 
 
-@settings(max_examples=300)
+@examples(300)
 @given(st.sampled_from(sorted(FILES)), st.data(), st.booleans())
 def test_any_damage_gives_a_run_or_one_sentence(kind: str, data: st.DataObject, at_rest: bool) -> None:
     content = bytearray(FILES[kind])

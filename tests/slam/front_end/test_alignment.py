@@ -16,7 +16,7 @@ from slam.pose import Pose2
 from slam.settings.front_end import FrontEndSettings
 from slam.settings.odometry import OdometrySettings
 from slam.settings.slam import SlamSettings
-from tests.support.slam.corridor import BEARINGS_RAD, Stop, drive_round, ranges_of
+from tests.support.slam.corridor import BEARINGS_RAD, Stop, drive_round, ranges_of, ring_of_corridors
 
 MOUNT = Pose2(0.1, 0.0, 0.0)
 WHEELS = OdometrySettings(
@@ -81,10 +81,12 @@ def test_the_covariance_of_a_refined_increment_is_honest(stops: list[Stop]) -> N
 
 
 def test_good_wheels_are_left_alone_where_scans_can_be_voted_on(stops: list[Stop]) -> None:
-    alignment = Alignment(settings_of(), MOUNT)
+    alignment, before = Alignment(settings_of(), MOUNT), stops[0].map_from_body
     for number, stop in enumerate(stops[:12]):
         scan = replace(stop.scan, stamp_ns=number * 100_000_000)
-        assert alignment.refine(scan, SURE) is SURE
+        sure = replace(SURE, mean=(before.inverse() @ stop.map_from_body).as_array())
+        assert alignment.refine(scan, sure) is sure
+        before = stop.map_from_body
     assert alignment.refined == 0
 
 
@@ -99,7 +101,7 @@ def test_wheels_that_may_err_by_more_than_things_lie_apart_are_corrected_at_any_
 def test_after_a_gap_the_next_scans_are_aligned_and_then_no_more(
     stops: list[Stop], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for need in ("NEED_M", "NEED_AMONG_WALLS_M"):
+    for need in ("NEED_M", "NEED_AMONG_WALLS_M", "UNUSUAL_SHARE"):
         monkeypatch.setattr(f"slam.front_end.alignment.{need}", math.inf)  # only the gap counts here
     alignment = Alignment(settings_of(), MOUNT)
     counts, stamp_ns = [], 0
@@ -110,6 +112,21 @@ def test_after_a_gap_the_next_scans_are_aligned_and_then_no_more(
     assert counts[5] == 0
     assert counts[6:8] == [1, 2]
     assert counts[-1] == 2
+
+
+def test_a_slip_that_the_wheels_do_not_own_up_to_is_found_and_small_errors_are_not_touched(stops: list[Stop]) -> None:
+    """The wheels claim 0.06 deg; ten steps are true, then the rover turns by 9 deg and they say nothing of it."""
+    alignment, stamp_ns, lines, pose = Alignment(settings_of(), MOUNT), 0, ring_of_corridors(1), stops[0].map_from_body
+    for step in range(11):
+        turn_rad = math.radians(9.0) if step == 10 else 0.0
+        pose = pose @ Pose2(0.01, 0.0, turn_rad)
+        stamp_ns += 100_000_000
+        ranges = ranges_of(pose @ MOUNT, lines).astype(np.float32)
+        claimed = replace(SURE, mean=np.array((0.01, 0.0, 0.0)))
+        told = alignment.refine(replace(stops[0].scan, stamp_ns=stamp_ns, ranges_m=ranges), claimed)
+        if step < 10:
+            assert np.array_equal(told.mean, claimed.mean)
+    assert told.mean[2] == pytest.approx(math.radians(9.0), abs=0.01)
 
 
 def test_at_rest_and_switched_off_nothing_changes(stops: list[Stop]) -> None:

@@ -52,6 +52,16 @@ def test_the_centre_of_a_round_trunk_is_within_four_sigma_of_what_is_claimed(
     assert abs(one[0, 1] - bearing) < 4.0 * math.sqrt(variances[1])
 
 
+def test_a_wall_with_holes_has_no_trunks_and_a_post_before_the_sky_is_still_one() -> None:
+    rng = np.random.default_rng(2)
+    wall = np.where(np.abs(BEARINGS) < 1.0, 6.0 / np.cos(BEARINGS), np.inf)
+    for share in (0.05, 0.2):
+        assert len(found(np.where(rng.random(len(wall)) < share, np.inf, wall))) == 0
+    post = round_trunk(8.0, 0.0, 0.2)
+    assert len(found(post)) == 1
+    assert len(found(np.minimum(post, round_trunk(7.0, 0.12, 0.2)))) == 2
+
+
 def test_something_nearer_beside_a_trunk_hides_its_edge_and_rejects_it() -> None:
     trunk = round_trunk(8.0, 0.0, 0.2)
     hit = np.flatnonzero(np.isfinite(trunk))
