@@ -213,8 +213,10 @@ class JointGaussian:
     def state_bytes(self) -> bytes:
         """What the next step depends on, for a hash: every change of the state shows in it."""
         state = self._state
-        log_odds = state.atlas.log_odds[state.rows]
-        return state.mean[: state.size].tobytes() + state.covariance[:3, : state.size].tobytes() + log_odds.tobytes()
+        atlas, rows = state.atlas, state.rows
+        learnt = (atlas.log_odds[rows], atlas.looks[rows], atlas.finds[rows], atlas.missed[rows], self._after_miss)
+        parts = (state.mean[: state.size], state.covariance[:3, : state.size], *learnt)
+        return b"".join(part.tobytes() for part in parts)
 
     @property
     def _arrays(self) -> JointArrays:

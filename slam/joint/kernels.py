@@ -138,6 +138,14 @@ def update(
     change = np.zeros(n)
     for row in range(2 * k):
         change += gap[row] * projected[row]
+    apply_change(mean, covariance, n, change, projected, invariant)
+
+
+@kernel
+def apply_change(
+    mean: FloatArray, covariance: FloatArray, n: int, change: FloatArray, projected: FloatArray, invariant: bool
+) -> None:
+    """Move the state by change (n,) and its covariance by - Y^T Y with Y = projected (m, n), m even."""
     turn = np.zeros(n)
     move(mean, n, change, invariant, turn)
     reduce(covariance, n, projected)

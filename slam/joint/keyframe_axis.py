@@ -11,7 +11,7 @@ import numpy as np
 from drivers.measurements import FloatArray, IntArray
 from slam.angles import wrapped
 from slam.compiled import kernel
-from slam.joint.kernels import carry, mirror, move, reduce
+from slam.joint.kernels import apply_change
 from slam.observations import Sighting
 
 HALF_AXIS_M = 2.0
@@ -77,19 +77,6 @@ def between_with_covariance(
             spread[row, column] = spread[column, row] = 0.5 * (spread[row, column] + spread[column, row])
         spread[row, row] += SMALLEST_SPREAD
     return seen, spread, projected
-
-
-@kernel
-def apply_change(
-    mean: FloatArray, covariance: FloatArray, n: int, change: FloatArray, projected: FloatArray, invariant: bool
-) -> None:
-    """Move the state by change (n,) and its covariance by - Y^T Y with Y = projected (4, n)."""
-    turn = np.zeros(n)
-    move(mean, n, change, invariant, turn)
-    reduce(covariance, n, projected)
-    if invariant:
-        carry(covariance, n, turn)
-    mirror(covariance, n)
 
 
 def condition(

@@ -195,7 +195,7 @@ def test_constants_of_the_odometry_are_found_out(monkeypatch: pytest.MonkeyPatch
         local = [point for point in seen_from(truth, posts) if math.hypot(*point) < 25.0]
         seen = features_at(local)
         joint.step(AHEAD * np.array((0.97, 1.0, 1.0)), STEP_NOISE, seen, unknown(seen))
-    distance_scale = np.frombuffer(joint.state_bytes())[3]  # the state begins with pose and constants
+    distance_scale = np.frombuffer(joint.state_bytes(), count=4)[3]  # the state begins with pose and constants
     assert distance_scale == pytest.approx(1.0 / 0.97 - 1.0, abs=0.005)
     assert joint.map_from_body.x_m == pytest.approx(truth.x_m, abs=0.5)
 
