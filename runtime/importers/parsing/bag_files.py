@@ -4,15 +4,18 @@ A recorder that was killed leaves a file without index and a folder without meta
 they end.
 """
 
+import bz2
 import sqlite3
 import struct
 import zlib
 from collections.abc import Collection, Iterator
 from contextlib import closing
+from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, BinaryIO, NamedTuple, Protocol
 
 import zstandard
+from lz4.frame import LZ4FrameDecompressor
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
@@ -28,6 +31,8 @@ MCAP = b"\x89MCAP0\r\n"
 SQLITE = b"SQLite format 3\0"
 METADATA = "metadata.yaml"
 LOOSE = (".mcap", ".db3")
+MESSAGE, CHUNK, CONNECTION = b"\x02", b"\x05", b"\x07"  # kinds of records of a rosbag 1
+LARGEST_RECORD = 1 << 26  # bytes, also unpacked; recorders close a chunk at 768 kB
 BROKEN = (
     *(McapError, Reader1Error, Reader2Error, sqlite3.Error, struct.error, zlib.error, zstandard.ZstdError),
     *(OSError, EOFError, MemoryError, ValueError, KeyError, IndexError, RuntimeError, AssertionError),
@@ -68,12 +73,13 @@ def open_bag(source: Path, head: bytes) -> Bag:
             return LooseBag(_loose_files(source))
         return IndexedBag(source) if source.is_dir() or head.startswith(ROSBAG1) else LooseBag([source])
     except BROKEN as error:
+        if head.startswith(ROSBAG1) and (torn := TornBag1(source, f"its index cannot be used ({error})")).topics:
+            return torn
         if files := _loose_files(source) if source.is_dir() else []:
             bag = LooseBag(files)
             bag.damage = f"{METADATA} or the index of the bag cannot be used ({error})"
             return bag
-        remedy = "; 'rosbag reindex' mends a bag whose recorder was killed" if head.startswith(ROSBAG1) else ""
-        raise DataSetError(f"{source} cannot be read as a bag ({error}){remedy}") from error
+        raise DataSetError(f"{source} cannot be read as a bag ({error}); record it again or fetch it again") from error
 
 
 class IndexedBag:
@@ -143,6 +149,73 @@ class LooseBag:
             order = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY timestamp"
             for number, log_ns, data in database.execute(order, wanted):
                 yield BagMessage(names[number], int(log_ns), bytes(data), False)
+
+
+class TornBag1:
+    """A rosbag 1 file without an index that can be used, record by record, as `rosbag reindex` reads it."""
+
+    def __init__(self, source: Path, damage: str) -> None:
+        self.damage = damage
+        self.topics: dict[str, str] = {}
+        self._source = source
+        self._names: dict[bytes, str] = {}
+        for _ in self.messages(()):
+            pass
+
+    def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
+        """See Bag."""
+        with self._source.open("rb") as stream:
+            stream.readline()
+            for fields, data in _records1(stream):
+                for inner, content in _records1(BytesIO(_unpacked(fields, data))) if fields["op"] == CHUNK else ():
+                    yield from self._message(inner, content, topics)
+                yield from self._message(fields, data, topics)
+
+    def _message(self, fields: dict[str, bytes], data: bytes, topics: Collection[str]) -> Iterator[BagMessage]:
+        number = fields.get("conn", b"")
+        if fields["op"] == CONNECTION:
+            topic = fields.get("topic", b"").decode("utf-8", "replace")
+            self._names[number] = topic
+            self.topics[topic] = normalised(_fields1(data).get("type", b"").decode("latin-1"))
+        elif fields["op"] == MESSAGE and self._names.get(number) in topics and len(fields.get("time", b"")) == 8:
+            seconds, nanoseconds = struct.unpack("<II", fields["time"])
+            yield BagMessage(self._names[number], seconds * 1_000_000_000 + nanoseconds, data, True)
+
+
+def _records1(stream: BinaryIO) -> Iterator[tuple[dict[str, bytes], bytes]]:
+    """(fields of the header, data) of the whole records of a rosbag 1; a chunk that is cut off is given as it is."""
+    while len(size := stream.read(4)) == 4:
+        header = stream.read(min(int.from_bytes(size, "little"), LARGEST_RECORD))
+        fields, length = _fields1(header), int.from_bytes(stream.read(4), "little")
+        data = stream.read(min(length, LARGEST_RECORD))
+        if "op" not in fields or (len(data) < length and fields["op"] != CHUNK):
+            return
+        yield fields, data
+
+
+def _fields1(header: bytes) -> dict[str, bytes]:
+    """The name=value pairs of a header."""
+    fields, at = {}, 0
+    while at + 4 <= len(header):
+        length = int.from_bytes(header[at : at + 4], "little")
+        name, _, value = header[at + 4 : at + 4 + length].partition(b"=")
+        fields[name.decode("latin-1")] = value
+        at += 4 + length
+    return fields
+
+
+def _unpacked(fields: dict[str, bytes], data: bytes) -> bytes:
+    """What a chunk holds; nothing where it is damaged or unpacks to more than a record may have."""
+    try:
+        match fields.get("compression"):
+            case b"bz2":
+                return bz2.BZ2Decompressor().decompress(data, LARGEST_RECORD)
+            case b"lz4":
+                return bytes(LZ4FrameDecompressor().decompress(data, LARGEST_RECORD))
+            case _:
+                return data
+    except BROKEN:
+        return b""
 
 
 def normalised(type_name: str) -> str:

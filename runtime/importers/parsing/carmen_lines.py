@@ -1,8 +1,9 @@
-"""One line of a CARMEN log to its numbers: ODOM, FLASER, ROBOTLASER1 and the PARAMs that say where the laser looks.
+"""One line of a CARMEN log to its numbers: ODOM, the lasers' lines and the PARAMs that say where the laser looks.
 
-ODOM x y theta tv rv accel time host logger_time; FLASER n ranges x y theta odom_x odom_y odom_theta time host
+ODOM x y theta tv rv accel time host logger_time; FLASER (RLASER) n ranges x y theta odom_x odom_y odom_theta time host
 logger_time; ROBOTLASER1 type start fov resolution range_max accuracy mode n ranges m remissions, laser pose, robot
-pose, tv rv and three safety numbers, time host logger_time; PARAM name value time host logger_time.
+pose, tv rv and three safety numbers, time host logger_time; RAWLASER1 the same without poses and what follows them;
+PARAM name value time host logger_time.
 """
 
 import math
@@ -28,9 +29,10 @@ MOUNT = {
 
 @dataclass(frozen=True, slots=True)
 class LaserLine:
-    """One scan. start_rad, step_rad: None where the line does not say (FLASER). Poses: x m, y m, heading rad."""
+    """One scan. start_rad, step_rad: None where the line does not say (FLASER). Poses: x m, y m, heading rad; empty
+    where the line has none (RAWLASER1).
+    """
 
-    stamp_s: float
     ranges_m: list[float]
     laser_pose: list[float]
     robot_pose: list[float]
@@ -39,34 +41,43 @@ class LaserLine:
     range_max_m: float | None = None
 
 
-def odometry_line(words: list[str]) -> tuple[float, list[float]]:
-    """Stamp and pose of an ODOM line. Raises ValueError with the reason."""
+def stamps_s(words: list[str]) -> tuple[float, float]:
+    """(when it was logged, when it was sent) of any line; the same twice in logs that have one time. Raises ValueError
+    with the reason.
+    """
+    (logged_s,) = _numbers(words[-1:])
+    return logged_s, float(words[-3]) if len(words) > 8 and _is_number(words[-3]) else logged_s
+
+
+def odometry_line(words: list[str]) -> list[float]:
+    """Pose of an ODOM line. Raises ValueError with the reason."""
     if len(words) < 5:
         raise ValueError("the line ends early")
-    stamp_s, *pose = _numbers([words[-1], *words[1:4]])
-    return stamp_s, pose
+    return _numbers(words[1:4])
 
 
-def front_laser_line(words: list[str]) -> LaserLine:
-    """A FLASER line. Raises ValueError with the reason."""
-    beams, rest = _beams(words, 1)
-    stamp_s, *poses = _numbers([rest[-1], *rest[:6]])
-    return LaserLine(stamp_s, [float(word) for word in words[2 : 2 + beams]], poses[:3], poses[3:])
+def laser_line(words: list[str]) -> LaserLine:
+    """The line of any laser. Raises ValueError with the reason."""
+    if words[0].startswith(("ROBOTLASER", "RAWLASER")):
+        return _robot_laser_line(words)
+    beams, rest = _beams(words, 1, 7)
+    poses = _numbers(rest[:6])
+    return LaserLine([float(word) for word in words[2 : 2 + beams]], poses[:3], poses[3:])
 
 
-def robot_laser_line(words: list[str]) -> LaserLine:
-    """A ROBOTLASER1 line. Raises ValueError with the reason."""
-    beams, rest = _beams(words, 8)
+def _robot_laser_line(words: list[str]) -> LaserLine:
+    """A ROBOTLASER or RAWLASER line, which say where their beams look. Raises ValueError with the reason."""
+    is_raw = words[0].startswith("RAWLASER")
+    beams, rest = _beams(words, 8, 4 if is_raw else 7)
     start_rad, step_rad, range_max_m = _numbers([words[2], words[4], words[5]])
     if step_rad == 0.0 and beams > 1:
         raise ValueError("its angular resolution is 0")
     remissions = int(rest[0])
-    if remissions < 0 or len(rest) < 1 + remissions + 7:
+    if remissions < 0 or len(rest) < 1 + remissions + (3 if is_raw else 7):
         raise ValueError("the line ends early")
-    rest = rest[1 + remissions :]
-    stamp_s, *poses = _numbers([rest[-1], *rest[:6]])
+    poses = [] if is_raw else _numbers(rest[1 + remissions : 7 + remissions])
     ranges_m = [float(word) for word in words[9 : 9 + beams]]
-    return LaserLine(stamp_s, ranges_m, poses[:3], poses[3:], start_rad, step_rad, range_max_m)
+    return LaserLine(ranges_m, poses[:3], poses[3:], start_rad, step_rad, range_max_m)
 
 
 def angles(line: LaserLine, told: Mapping[str, float]) -> tuple[float, float]:
@@ -113,13 +124,13 @@ def mount_of(told: Mapping[str, float], source: object) -> dict[str, Any]:
     return found
 
 
-def _beams(words: list[str], place: int) -> tuple[int, list[str]]:
-    """Number of beams, and the words behind them. Raises ValueError where there are none or the line is torn."""
+def _beams(words: list[str], place: int, least: int) -> tuple[int, list[str]]:
+    """Number of beams, and the words behind them. Raises ValueError where there are none, or fewer words than least."""
     beams = int(words[place])
     if beams < 1:
         raise ValueError(f"it has {beams} beams")
     rest = words[place + 1 + beams :]
-    if len(rest) < 7:
+    if len(rest) < least:
         raise ValueError("the line ends early")
     return beams, rest
 
@@ -131,6 +142,13 @@ def _numbers(words: list[str]) -> list[float]:
         if not math.isfinite(number):
             raise ValueError(f"{word} is no number")
     return numbers
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
 
 
 def _radians(value: float, largest_rad: float) -> float:

@@ -3,7 +3,6 @@
 import gzip
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +16,16 @@ from runtime.importers.sightings import seen
 from runtime.importers.truth import truth_of
 from runtime.importers.wheel_streams import wheel_samples
 from runtime.record.reader import RunReader
-from tests.support.runtime.carmen_logs import flaser, moments, odom, robotlaser, room_log, room_ranges
+from tests.support.runtime.carmen_logs import (
+    flaser,
+    imported,
+    moments,
+    odom,
+    robotlaser,
+    room_log,
+    room_ranges,
+    written,
+)
 
 
 def carmen_line(t: float, ranges: list[float], laser: tuple[float, ...], robot: tuple[float, ...]) -> str:
@@ -85,11 +93,6 @@ def test_a_log_without_a_scan_is_refused_with_the_line_that_failed(tmp_path: Pat
         import_data_set(tmp_path / "a.log", tmp_path / "run")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "run").exists()
-
-
-def imported(tmp_path: Path, lines: list[str], name: str = "a.log") -> dict[str, Any]:
-    (tmp_path / name).write_text("\n".join(lines) + "\n")
-    return import_data_set(tmp_path / name, tmp_path / "run")
 
 
 def test_a_laser_that_was_not_connected_is_passed_over_and_counted(tmp_path: Path) -> None:
@@ -216,9 +219,9 @@ def test_a_clock_that_was_set_during_the_drive_loses_nothing_and_is_said(tmp_pat
 
 def test_one_stamp_that_lies_far_away_is_left_out_alone(tmp_path: Path) -> None:
     lines = room_log(30)
-    lines[31] = flaser(list(moments(30))[15], start_s=1e9 - 5000.0)
+    lines[30] = odom(list(moments(30))[15], start_s=1e9 - 5000.0)
     result = imported(tmp_path, lines)
-    assert result["scans"] == 29
+    assert (result["scans"], result["wheel_samples"]) == (30, 30)  # the scan's own odometry stands for it
     assert "its neighbours" in result["warnings"][0]
 
 
@@ -232,3 +235,37 @@ def test_the_mount_that_a_param_tells_is_used(tmp_path: Path) -> None:
     result = imported(tmp_path, ["PARAM robot_frontlaser_offset -0.04 0 host 0", *room_log(20)])
     assert result["mount"]["x_m"] == -0.04
     assert any(note.startswith("slam.mount.x_m = -0.04 is taken") for note in result["notes"])
+
+
+def renamed(lines: list[str], before: str, after: str) -> list[str]:
+    return [line.replace(before, after) for line in lines]
+
+
+def test_of_two_lasers_in_one_log_one_is_read_and_the_other_named(tmp_path: Path) -> None:
+    rear = [flaser(moment, [1.0] * 181).replace("FLASER", "RLASER") for moment in moments(30)]
+    both = [line for pair in zip(room_log(60)[1::2], rear * 2, strict=True) for line in pair]
+    result = imported(tmp_path, both)
+    assert result["scans"] == 60
+    assert any("60 FLASER lines are read; 60 RLASER lines are not" in note for note in result["notes"])
+
+
+@pytest.mark.parametrize("word", ["RLASER", "LASER3"])
+def test_a_log_of_another_laser_alone_is_read(tmp_path: Path, word: str) -> None:
+    assert imported(tmp_path, renamed(room_log(20), "FLASER", word))["scans"] == 20
+
+
+def test_raw_scans_without_a_pose_go_with_the_odometry_beside_them(tmp_path: Path) -> None:
+    step = math.pi / 180
+    lines = []
+    for moment in moments(20):
+        words = robotlaser(moment, -0.5 * math.pi, step, room_ranges(moment)).split(" ")
+        lines += [odom(moment), " ".join(["RAWLASER1", *words[1:191], *words[-3:]])]
+    result = imported(tmp_path, lines)
+    assert (result["scans"], result["wheel_samples"], result["warnings"]) == (20, 20, [])
+    with pytest.raises(DataSetError, match="has no odometry"):
+        import_data_set(written(tmp_path / "b.log", lines[1::2]), tmp_path / "other")
+
+
+def test_scans_with_another_number_of_beams_are_named(tmp_path: Path) -> None:
+    lines = [*room_log(20), flaser((2.1, 0.0, -2.0, 0.0), [2.0] * 5)]
+    assert any(note.startswith("scans have 181 beams, but 1 of 5;") for note in imported(tmp_path, lines)["notes"])

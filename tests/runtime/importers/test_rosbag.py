@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rosbags.rosbag1 import Writer as Writer1
 
 from drivers.measurements import OdometryPose, Scan
 from runtime.errors import DataSetError
@@ -89,12 +90,26 @@ def test_a_torn_file_is_read_as_far_as_it_goes_and_said(tmp_path: Path, share: f
 
 
 @pytest.mark.parametrize("size", [13, 200, 3000])
-def test_a_torn_bag_of_ros_1_is_refused_with_the_remedy(tmp_path: Path, size: int) -> None:
+def test_a_bag_of_ros_1_that_ends_before_its_messages_is_refused_in_one_sentence(tmp_path: Path, size: int) -> None:
     whole = WRITERS["ros1.bag"](tmp_path / "whole.bag").read_bytes()
     (tmp_path / "torn.bag").write_bytes(whole[:size])
-    with pytest.raises(DataSetError, match="rosbag reindex"):
+    with pytest.raises(DataSetError, match="cannot be read as a bag") as caught:
         import_data_set(tmp_path / "torn.bag", tmp_path / "run")
+    assert "\n" not in str(caught.value)
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("packed", [None, Writer1.CompressionFormat.BZ2, Writer1.CompressionFormat.LZ4])
+@pytest.mark.parametrize("share", [0.6, 0.95])
+def test_a_bag_of_ros_1_without_an_index_is_read_as_far_as_it_goes(
+    tmp_path: Path, share: float, packed: Writer1.CompressionFormat | None
+) -> None:
+    whole = write_bag1(tmp_path / "whole.bag", room_drive(ROS1), packed, chunk_bytes=4000).read_bytes()
+    (tmp_path / "torn.bag").write_bytes(whole[: round(share * len(whole))])
+    result = import_data_set(tmp_path / "torn.bag", tmp_path / "run")
+    assert share * 30 - 6 < result["scans"] <= 30
+    assert result["mount"]["x_m"] == 0.2
+    assert any("torn.bag is read as far as it goes: its index" in warning for warning in result["warnings"])
 
 
 @pytest.mark.parametrize("kind", ["ros2.mcap", "ros1.bag", "sqlite"])

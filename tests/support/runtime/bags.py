@@ -102,9 +102,18 @@ def room_drive(made: Made, count: int = 30) -> Iterator[Message]:
         yield "/scan", SCAN, stamp_ns, made.scan(stamp_ns, ranges, -0.5 * math.pi, math.pi / (BEAMS - 1))
 
 
-def write_bag1(path: Path, messages: Iterator[Message]) -> Path:
+def write_bag1(
+    path: Path,
+    messages: Iterator[Message],
+    packed: Writer1.CompressionFormat | None = None,
+    chunk_bytes: int = 1 << 20,
+) -> Path:
     """One .bag file."""
-    with Writer1(path) as writer:
+    writer = Writer1(path)
+    writer.chunk_threshold = chunk_bytes
+    if packed is not None:
+        writer.set_compression(packed)
+    with writer:
         known: dict[str, Any] = {}
         for topic, kind, stamp_ns, content in messages:
             connection = known.get(topic) or writer.add_connection(topic, kind, typestore=ROS1)

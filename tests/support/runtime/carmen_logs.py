@@ -2,6 +2,11 @@
 
 import math
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from runtime.importers.data_set import import_data_set
+from slam.pose import Pose2
 
 Moment = tuple[float, float, float, float]  # s, x m, y m, heading rad
 SPEED_MPS, YAW_RATE_RADPS = 0.5, 0.25
@@ -56,3 +61,34 @@ def robotlaser(moment: Moment, start: float, step: float, ranges: list[float]) -
 def room_log(count: int = 300) -> list[str]:
     """ODOM and FLASER in turn."""
     return [line for moment in moments(count) for line in (odom(moment), flaser(moment))]
+
+
+def gmapping_log(count: int) -> tuple[list[str], list[Pose2]]:
+    """What GMapping makes of a straight drive of 0.1 m a line, with what the wheels told: each scan is moved 0.02 m to
+    the left.
+    """
+    lines, wheels, told = [], [], Pose2()
+    for k in range(count):
+        told = told @ Pose2(0.1)
+        wheels.append(Pose2(0.1 * (k + 1)))
+        lines.append(f"ODOM {told.x_m} {told.y_m} 0 0 0 0 {0.2 * k:g} pippo {0.2 * k:g}")
+        told = told @ Pose2(0.0, 0.02)
+        scan = " ".join(f"{value:g}" for value in room_ranges((0.0, 0.1 * k - 3.0, 0.0, 0.0)))
+        pose = f"{told.x_m} {told.y_m} 0"
+        lines += [
+            f"FLASER 181 {scan} {pose} {pose} {0.2 * k:g} pippo {0.2 * k:g}",
+            f"ODOM {pose} 0 0 0 0 pippo 0",
+            "NEFF 9",
+        ]
+    return lines, wheels
+
+
+def written(path: Path, lines: list[str]) -> Path:
+    """A log of these lines."""
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def imported(tmp_path: Path, lines: list[str], name: str = "a.log") -> dict[str, Any]:
+    """What `infant import` says of a log of these lines."""
+    return import_data_set(written(tmp_path / name, lines), tmp_path / "run")
