@@ -9,7 +9,7 @@ os.environ.setdefault("RERUN_ANALYTICS", "off")
 
 import typer
 
-from runtime.cli import install, live, log, rover, runs, studies
+from runtime.cli import install, live, log, maps, rover, runs, studies
 from runtime.errors import InfantError
 
 app = typer.Typer(
@@ -22,10 +22,11 @@ app = typer.Typer(
 for group in (live, install, runs, log, rover, studies):
     for command in group.COMMANDS:
         app.command(command.__name__.rstrip("_"))(command)  # import_ is a word of Python without its underscore
-log_app = typer.Typer(name="log", help=log.LOG_HELP, no_args_is_help=True)
-for command in log.LOG_COMMANDS:
-    log_app.command()(command)
-app.add_typer(log_app)
+for name, text, commands in (("log", log.LOG_HELP, log.LOG_COMMANDS), ("map", maps.MAP_HELP, maps.MAP_COMMANDS)):
+    group_app = typer.Typer(name=name, help=text, no_args_is_help=True)
+    for command in commands:
+        group_app.command()(command)
+    app.add_typer(group_app)
 
 
 def main() -> None:

@@ -1,0 +1,1 @@
+"""How does a map outlive its run, and how do other programs read it? Begin at draw.py."""

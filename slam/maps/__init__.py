@@ -1,0 +1,1 @@
+"""How do scans become an occupancy grid? Begin at occupancy_grid.py."""
