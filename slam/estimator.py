@@ -21,6 +21,7 @@ from slam.odometry.odometry import Increment, Odometry
 from slam.particles.fastslam import FastSlam, ScanOutcome
 from slam.pose import Pose2
 from slam.quality import QualityMonitor
+from slam.recognise.warm_up import warm_up_recognition
 from slam.settings.slam import SlamSettings
 from slam.visibility import BLIND, sight_line
 from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, warm_up_window
@@ -106,6 +107,7 @@ class Estimator:
                 estimator.step(stamp_ns, scan, wheels)
             estimator.step(stamp_ns + TICK_NS, None, ())
         warm_up_window(JointGaussian(short.joint, short.mount.as_pose(), short.tuning()))
+        warm_up_recognition()
 
     def _scan_step(self, stamp_ns: int, scan: ScanLike, by_wheels: Increment) -> Estimate:
         """The step of the paper, one stage after the other."""

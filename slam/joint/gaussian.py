@@ -93,6 +93,11 @@ class JointGaussian:
         return np.asarray(0.5 * (covariance + covariance.T))
 
     @property
+    def state(self) -> JointState:
+        """Means, covariance and atlas: for whoever joins two maps."""
+        return self._state
+
+    @property
     def landmark_count(self) -> int:
         """Landmarks in the map."""
         return self._state.atlas.count - self._keyframes.size

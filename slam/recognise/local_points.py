@@ -1,0 +1,45 @@
+"""The landmarks around the rover as a joint Gaussian sees them from where it is."""
+
+import math
+
+import numpy as np
+
+from drivers.measurements import BoolArray
+from slam.joint.gaussian import KEYFRAME
+from slam.joint.measurement import FIRST_PLACE
+from slam.joint.state import JointState
+from slam.observations import IDENTITIES_PER_SCAN
+from slam.recognise.attempt import LocalPoints
+from slam.recognise.scale import Scale
+
+LEAST_LOG_ODDS = 1.5  # seen twice
+
+
+def local_points(state: JointState, scale: Scale, since_scan: int = 0) -> LocalPoints:
+    """Landmarks of the state that were made from a scan on, in the present body's frame with their joint covariance.
+
+    What is less exact than scale.widest_local_m from here is left out: what was passed long ago has drifted.
+    """
+    atlas, rows = state.atlas, state.rows
+    identities, log_odds = atlas.identities[rows], atlas.log_odds[rows]
+    usable: BoolArray = (identities != KEYFRAME) & (log_odds >= LEAST_LOG_ODDS)
+    numbers = np.flatnonzero(usable & (identities >= since_scan * IDENTITIES_PER_SCAN))
+    x, y, heading = state.mean[:3].tolist()
+    turn = np.array(((math.cos(heading), math.sin(heading)), (-math.sin(heading), math.cos(heading))))
+    points = (state.points_m[numbers] - (x, y)) @ turn.T
+    places = FIRST_PLACE + 2 * numbers
+    chosen = np.concatenate((np.arange(3), np.column_stack((places, places + 1)).ravel()))
+    count = len(numbers)
+    by = np.zeros((2 * count, 3 + 2 * count))
+    for index, (ahead, left) in enumerate(points.tolist()):
+        two = slice(2 * index, 2 * index + 2)
+        by[two, :2] = -turn
+        by[two, 2] = left, -ahead
+        by[two, 3 + 2 * index : 5 + 2 * index] = turn
+    covariance = by @ state.covariance[np.ix_(chosen, chosen)] @ by.T
+    everything = LocalPoints(identities[numbers], points, covariance, log_odds[numbers])
+    exact = np.flatnonzero(everything.variances_m2 <= scale.widest_local_m**2)
+    both = np.column_stack((2 * exact, 2 * exact + 1)).ravel()
+    return LocalPoints(
+        everything.identities[exact], points[exact], covariance[np.ix_(both, both)], everything.log_odds[exact]
+    )
