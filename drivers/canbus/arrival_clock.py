@@ -1,6 +1,7 @@
 """Monotonic arrival times, freed from the reader's own delay by the stamps of the bus where those make sense."""
 
 JUMP_NS = 500_000_000
+LATEST_S = 9e9  # the year 2255; what is later does not fit 64 bits of nanoseconds
 LATEST_NS = 5_000_000_000  # no queue is longer: what seems later has stamps of another clock
 EARLY_NS = 5_000_000
 LONGEST_QUEUE = 2000  # frames after a jump of which any may have been waiting since before it
@@ -30,7 +31,7 @@ class ArrivalClock:
         """
         if system_ns is not None:
             self._watch_system_clock(system_ns - monotonic_ns)
-        if stamp_s <= 0.0:
+        if not 0.0 < stamp_s < LATEST_S:  # false for NaN
             return monotonic_ns
         stamp_ns = round(stamp_s * 1e9)
         delay_ns = monotonic_ns - stamp_ns

@@ -14,12 +14,14 @@ from drivers.canbus.advice import advice, error_number
 from drivers.canbus.arrival_clock import ArrivalClock
 from drivers.canbus.frame import ERROR, EXTENDED, FD, REMOTE, CanFrame
 from drivers.canbus.loopback import LoopbackBus
-from drivers.measurements import LinkError
+from drivers.measurements import LinkError, ProtocolError
 from drivers.settings.can import BusSettings
 
 WITHOUT_BITRATE = ("socketcan", "virtual", "udp_multicast", "socketcand")
 SO_MEMINFO, MEMINFO, DROPPED = 55, struct.Struct("=9I"), 8  # Linux 4.12: counters of a socket, the last its drops
 SO_RCVBUFFORCE = 33  # asm-generic/socket.h; needs CAP_NET_ADMIN, else SO_RCVBUF up to net.core.rmem_max
+MOST_ID, MOST_BYTES = 0x1FFFFFFF, 64  # 29 bits; a frame of CAN FD
+NOT_A_FRAME = (TypeError, ValueError, LookupError, ArithmeticError, AttributeError)  # raised of what was sent
 FILTERED_IN_KERNEL = ("socketcan",)  # python-can's own filter in other back ends would drop error frames
 
 
@@ -70,15 +72,22 @@ class CanBus:
     def receive(self, timeout_s: float) -> CanFrame | None:
         """The next frame, None after the timeout.
 
-        Raises LinkError; its `number` says which error of the system it was, None for one of the library.
+        Raises LinkError; its `number` says which error of the system it was, None for one of the library. Raises
+        NotAFrameError for what somebody sent that is none: the bus is not to blame.
         """
         try:
             message = self._bus.recv(timeout_s)
-        except Exception as error:  # slcan raises ValueError for a broken line, others what they like
-            raise BusReadError(advice(self.settings, error), error_number(error)) from error
+        except Exception as error:  # back ends raise whatever their vendor's library raises
+            number = error_number(error)
+            if number is None and (isinstance(error, NOT_A_FRAME) or self.settings.interface == "udp_multicast"):
+                raise NotAFrameError(self.settings, error.__cause__ or error) from error
+            raise BusReadError(advice(self.settings, error), number) from error
         if message is None:
             return None
-        return frame_of(message, self._clock.stamp_ns(self._now_ns(), message.timestamp, self._system_now_ns()))
+        try:
+            return frame_of(message, self._clock.stamp_ns(self._now_ns(), message.timestamp, self._system_now_ns()))
+        except NOT_A_FRAME as error:  # udp_multicast fills a message with whatever types a datagram has
+            raise NotAFrameError(self.settings, error) from error
 
     def send(self, frame: CanFrame, timeout_s: float = 0.1) -> None:
         """Send one frame. Raises LinkError; never waits longer than the timeout."""
@@ -105,6 +114,17 @@ class CanBus:
             except OSError:
                 continue
             return
+
+
+class NotAFrameError(ProtocolError):
+    """Something on the bus sent bytes that are no frame: a datagram of another program, a broken line of slcan."""
+
+    def __init__(self, settings: BusSettings, error: BaseException) -> None:
+        what = " ".join(f"{type(error).__name__}: {error}".split())[:100]
+        super().__init__(
+            f"CAN bus {settings.interface} {settings.channel}: something that is no frame arrived and is passed over "
+            f"({what}); find the program that sends it"
+        )
 
 
 class BusReadError(LinkError):
@@ -147,14 +167,17 @@ def open_bus(settings: BusSettings, ids: Iterable[int]) -> can.BusABC:
 
 
 def frame_of(message: can.Message, stamp_ns: int) -> CanFrame:
-    """A frame as plain values; the class of an error frame stands in its id."""
-    flags = (
-        EXTENDED * message.is_extended_id
-        | REMOTE * message.is_remote_frame
-        | ERROR * message.is_error_frame
-        | FD * message.is_fd
-    )
-    return CanFrame(stamp_ns, message.arbitration_id, bytes(message.data), flags)
+    """A frame as plain values; the class of an error frame stands in its id. Raises ValueError, TypeError for values
+    that no frame has.
+    """
+    bits = (message.is_extended_id, message.is_remote_frame, message.is_error_frame, message.is_fd)
+    number, data = message.arbitration_id, message.data
+    if any(bit not in (0, 1) for bit in bits) or not isinstance(number, int):
+        raise TypeError(f"id {number!r} with the marks {bits!r}")
+    if not isinstance(data, bytes | bytearray) or not 0 <= number <= MOST_ID or len(data) > MOST_BYTES:
+        raise ValueError(f"id {number!r} with {len(data)} bytes")
+    flags = sum(mark for bit, mark in zip(bits, (EXTENDED, REMOTE, ERROR, FD), strict=True) if bit)
+    return CanFrame(stamp_ns, number, bytes(data), flags)
 
 
 def message_of(frame: CanFrame) -> can.Message:

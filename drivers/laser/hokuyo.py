@@ -6,7 +6,6 @@ swaps references.
 
 import math
 import threading
-import traceback
 from collections.abc import Callable
 
 from drivers.events import EventLog
@@ -74,7 +73,7 @@ class Hokuyo:
         self._events = EventLog("laser", around.error if around is not None else None)
         self._clock = LaserClock(DRIFT_MAX_PPM)
         self._range_codes: dict[str, int] = {}
-        self._thread = StoppableThread("laser", self._run, alive)
+        self._thread = StoppableThread("laser", self._run, alive, self._note_defect)
         self._connector = LaserConnector(settings, self._tap, now_ns, self._thread.is_stopping, self._events)
         self._fresh: Scan | None = None
         self._lock = threading.Lock()
@@ -153,16 +152,16 @@ class Hokuyo:
                 if self._thread.was_stopped:
                     break
                 self._note_failure(error)
-            except Exception as error:  # noqa: BLE001 a defect here must not cost the rover its laser
-                place = traceback.format_tb(error.__traceback__)[-1]
-                text = " ".join(f"defect in the laser driver, reconnecting: {error!r} {place}".split())
-                self._events.add(self._now_ns(), "defects", text, Severity.ERROR)
             if self._last_scan_ns != before_ns:
                 wait_s = RETRY_MIN_S
             if self._thread.wait(wait_s):
                 break
             wait_s = min(2.0 * wait_s, RETRY_MAX_S)
             self._events.count("reconnects")
+
+    def _note_defect(self, what: str) -> None:
+        text = f"defect in the laser driver, reconnecting: {what}"
+        self._events.add(self._now_ns(), "defects", text, Severity.ERROR)
 
     def _note_failure(self, error: DriverError) -> None:
         kinds = {

@@ -8,6 +8,11 @@ from drivers.settings.can import BusSettings
 from drivers.settings.layouts import DbcLayout, Layout
 from drivers.settings.vehicle import VehicleSettings
 
+DEGRADED_PERIODS = 3  # silence after which a wheel is degraded ...
+DEGRADED_AT_LEAST_NS = 60_000_000  # ... and never a shorter one: a reader that is held up is no silence of a node
+SILENT_PERIODS = 10  # silence after which the samples are invalid
+SILENT_AT_LEAST_NS = 200_000_000
+
 
 class WheelSettings(BaseModel):
     """One wheel's counter."""
@@ -62,3 +67,13 @@ class EncoderSettings(BaseModel):
     def period_ns(self) -> int:
         """Time between two frames of one wheel."""
         return round(self.period_ms * 1e6)
+
+    @property
+    def degraded_ns(self) -> int:
+        """Silence after which a wheel is degraded."""
+        return max(DEGRADED_PERIODS * self.period_ns, DEGRADED_AT_LEAST_NS)
+
+    @property
+    def silent_ns(self) -> int:
+        """Silence after which a node may have been off, and nothing is known of its wheel."""
+        return max(SILENT_PERIODS * self.period_ns, SILENT_AT_LEAST_NS)

@@ -4,7 +4,7 @@ from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-SpeedUnit = Literal["counts_per_period", "motor_turns_per_s", "counts_per_s", "turns_per_s", "mps", "kph"]
+SpeedUnit = Literal["counts_per_period", "motor_turns_per_s", "counts_per_s", "turns_per_s", "rpm", "mps", "kph"]
 
 
 class InfoSignals(BaseModel):
@@ -48,6 +48,14 @@ class WheelSignals(BaseModel):
     speed_unit: SpeedUnit = Field(
         default="counts_per_period", description="unit of the scaled speed, as the DBC's scale leaves it"
     )
+    direction: str = Field(
+        default="",
+        description="signal that says which way the wheel turns, where speed or count have no sign: SIGNAL of the same "
+        "message, or MESSAGE.SIGNAL of another, such as the gear. Without it, backwards counts as forwards there",
+    )
+    direction_reverse: tuple[int, ...] = Field(
+        default=(1,), description="values of the direction that mean backwards; the DBC or the manual lists them"
+    )
     status: str = Field(
         default="",
         description="signal of the state; empty where the device sends none",
@@ -90,6 +98,7 @@ class SignalSettings(BaseModel):
     order: Literal["little", "big"] = Field(default="little", description="byte order")
     type: Literal["unsigned", "signed", "float"] = Field(default="unsigned", description="how the bits are read")
     scale: float = Field(default=1.0, description="units per bit")
+    offset: float = Field(default=0.0, description="units at the raw value 0")
 
 
 class MessageSettings(BaseModel):

@@ -1,15 +1,15 @@
 """One wheel's counter: unwraps it and refuses what cannot be motion of that wheel.
 
-Frames that fit the sequence so far are accepted. Frames that do not are kept as a candidate: when it goes on
-while the first one is silent, the node has restarted or its count has moved, and the total goes on from there
-without the step; when both go on, two nodes send under one id.
+Frames that fit the sequence so far are accepted. Frames that do not are kept as a candidate: when it goes on and
+turns while the first one is silent, the node has restarted or its count has moved, and the total goes on from there
+without the step; when both go on, two nodes send under one id. A candidate that stands still is a fault code.
 """
 
 from collections import Counter
-from dataclasses import dataclass
 
 from drivers.settings.encoders import EncoderSettings
 from drivers.wheels.alive_counter import AliveCounter
+from drivers.wheels.frame_sequence import FrameSequence
 from drivers.wheels.leaky_bucket import LeakyBucket
 from drivers.wheels.readings import WheelReading
 
@@ -20,17 +20,7 @@ CONFIRMATIONS = 2  # frames of the candidate, the first one included, before the
 STALE_CONFIRMATIONS = 5  # the same where they bear the boot id of before: late frames come at most 3 late
 SENDERS_SURE = 4  # interleaved frames of a candidate: late frames before a restart are at most 3
 SENDERS_FORGOTTEN = 15  # frames of the current sequence alone, after which there is one sender again
-SILENT_PERIODS = 10.0  # after so long a node may have been off, whether or not it says so
-
-
-@dataclass(slots=True)
-class FrameSequence:
-    """Last frame of one sequence of frames that belong together. gained: counts since its first frame."""
-
-    stamp_ns: int
-    reading: WheelReading
-    confirmed: int = 1
-    gained: float = 0.0
+SENTINEL_PERIODS = 3.0  # a value that may mean "not available" is a count only where the last one is this near
 
 
 class WheelCounter:
@@ -50,6 +40,7 @@ class WheelCounter:
         self.frozen = LeakyBucket(5)
         self.two_senders = False
         self._period_ns = settings.period_ns
+        self._silent_ns = settings.silent_ns
         self._top_counts_per_ns = settings.vehicle.jump_speed_mps * settings.counts_per_metre * 1e-9
         self._tolerance = settings.speed_tolerance_m * settings.counts_per_metre
         self._counts_per_metre = settings.counts_per_metre
@@ -65,6 +56,7 @@ class WheelCounter:
         self._expected: float | None = 0.0
         self._missing = 0
         self._seen: FrameSequence | None = None
+        self._heard_ns = 0
 
     def restart(self) -> None:
         """Forget where the counter stood: motion until the next frame is unknown."""
@@ -73,6 +65,7 @@ class WheelCounter:
     def update(self, stamp_ns: int, reading: WheelReading) -> str | None:
         """Take one frame; None: accepted, else the reason for refusing it. stamp_ns: monotonic arrival."""
         reason = self._judge(stamp_ns, reading)
+        self._heard_ns = stamp_ns
         if reason is not None:
             self.counters[reason] += 1
         return reason
@@ -81,6 +74,8 @@ class WheelCounter:
         if not reading.status_ok:
             self.restart()
             return "status"
+        if reading.is_sentinel and not self._leads_here(stamp_ns, reading):
+            return "not_available"
         sequence = self._sequence
         if sequence is None:
             self._begin(FrameSequence(stamp_ns, reading))
@@ -95,10 +90,16 @@ class WheelCounter:
             self.frozen.add()
             return self._judge_candidate(stamp_ns, reading, reason)
         elapsed_ns = stamp_ns - sequence.stamp_ns
-        if self._is_ambiguous(sequence, reading, elapsed_ns):
+        if self._is_ambiguous(sequence, stamp_ns, reading):
             self._begin(FrameSequence(stamp_ns, reading))
             return None
         delta = self._delta(sequence.reading, reading)
+        if reading.direction == 0 and delta != 0.0:
+            self.restart()
+            return "direction"
+        if self._goes_with_candidate(stamp_ns, reading):
+            self._integrate_speed(stamp_ns, reading)
+            return self._judge_candidate(stamp_ns, reading, "jump")
         if self._alive.too_soon(steps, elapsed_ns / self._period_ns):
             return self._judge_candidate(stamp_ns, reading, "too_soon")
         if not self._possible(delta, elapsed_ns, steps):
@@ -113,14 +114,14 @@ class WheelCounter:
         elapsed = (stamp_ns - sequence.stamp_ns) / self._period_ns
         return self._alive.steps(sequence.reading.alive, reading.alive, elapsed)
 
-    def _is_ambiguous(self, sequence: FrameSequence, reading: WheelReading, elapsed_ns: int) -> bool:
+    def _is_ambiguous(self, sequence: FrameSequence, stamp_ns: int, reading: WheelReading) -> bool:
         """True where the counter may have wrapped unseen, or a node without boot id has started again at 0."""
-        farthest = self._top_counts_per_ns * elapsed_ns
+        farthest = self._top_counts_per_ns * (stamp_ns - sequence.stamp_ns)
         modulus = self._modulus
         if modulus and farthest > modulus / 2:
             self.counters["ambiguous"] += 1
             return True
-        if reading.boot_id is not None or elapsed_ns < SILENT_PERIODS * self._period_ns:
+        if reading.boot_id is not None or stamp_ns - self._heard_ns < self._silent_ns:
             return False
         position = abs(self._signed(reading))
         restarted = position <= farthest + SLACK_COUNTS and position < abs(self._signed(sequence.reading))
@@ -134,12 +135,29 @@ class WheelCounter:
         return (position + modulus / 2) % modulus - modulus / 2 if modulus else position
 
     def _delta(self, before: WheelReading, after: WheelReading) -> float:
-        """Counts from one position to the next on the wire, the short way round."""
+        """Counts from one position to the next, the short way round, with the sign of the direction if there is one."""
         if before.position is None or after.position is None:
             return 0.0
         difference = after.position - before.position
         modulus = self._modulus
-        return (difference + modulus / 2) % modulus - modulus / 2 if modulus else difference
+        short = (difference + modulus / 2) % modulus - modulus / 2 if modulus else difference
+        return short * (after.direction or 1)
+
+    def _leads_here(self, stamp_ns: int, reading: WheelReading) -> bool:
+        """True where the count passes a value by which devices say that they have none."""
+        sequence = self._sequence
+        if sequence is None or stamp_ns - sequence.stamp_ns > SENTINEL_PERIODS * self._period_ns:
+            return False
+        return self._possible(self._delta(sequence.reading, reading), self._period_ns, 1)
+
+    def _goes_with_candidate(self, stamp_ns: int, reading: WheelReading) -> bool:
+        """True where a frame goes on from what was refused as a jump: time does not make that jump possible."""
+        candidate = self._candidate
+        if candidate is None or not candidate.has_jumped or candidate.confirmed < CONFIRMATIONS:
+            return False
+        steps, disorder = self._steps(candidate, stamp_ns, reading)
+        delta = self._delta(candidate.reading, reading)
+        return disorder is None and self._continues(candidate, stamp_ns, reading, delta, steps)
 
     def _possible(self, delta: float, elapsed_ns: int, steps: int) -> bool:
         """True where a wheel can have turned that far; frames out of a queue get a period each."""
@@ -157,17 +175,18 @@ class WheelCounter:
         """Add up what the speed signal says since the last accepted frame; None: it cannot say."""
         seen = self._seen
         self._seen = FrameSequence(stamp_ns, reading)
-        if seen is None or self._expected is None or reading.speed is None or seen.reading.speed is None:
-            self._expected = None if reading.speed is None else self._expected
+        speed, speed_before = reading.signed_speed, None if seen is None else seen.reading.signed_speed
+        if seen is None or self._expected is None or speed is None or speed_before is None:
+            self._expected = None if speed is None else self._expected
             return
         steps, reason = self._steps(seen, stamp_ns, reading)
         if reason is not None or not 1 <= steps <= SPEED_STEPS:
             self._expected = None
             return
         period_s = self._period_ns * 1e-9
-        between = 0.5 * (seen.reading.speed + reading.speed)
+        between = 0.5 * (speed_before + speed)
         self._missing += steps - 1
-        self._expected += (reading.speed + (steps - 1) * between) * period_s
+        self._expected += (speed + (steps - 1) * between) * period_s
 
     def _begin(self, sequence: FrameSequence) -> None:
         """First frame, or first after a break: the position is where it is, the total stays."""
@@ -215,20 +234,22 @@ class WheelCounter:
         candidate = self._candidate
         self._alone = 0
         if candidate is None or reading.boot_id != candidate.reading.boot_id:
-            self._candidate = FrameSequence(stamp_ns, reading)
+            self._candidate = FrameSequence(stamp_ns, reading, has_jumped=reason == "jump")
             return reason
         steps, disorder = self._steps(candidate, stamp_ns, reading)
         if disorder is not None:
             return reason  # late or twice, as on the current sequence
         delta = self._delta(candidate.reading, reading)
         if not self._continues(candidate, stamp_ns, reading, delta, steps):
-            self._candidate = FrameSequence(stamp_ns, reading)
+            self._candidate = FrameSequence(stamp_ns, reading, has_jumped=reason == "jump")
             return reason
         if candidate.confirmed == 0:
             self._interleaved += 1
             self.two_senders |= self._interleaved >= SENDERS_SURE
-        self._candidate = FrameSequence(stamp_ns, reading, candidate.confirmed + 1, candidate.gained + delta)
-        if self._candidate.confirmed < self._confirmations(reading):
+        self._candidate = FrameSequence(
+            stamp_ns, reading, candidate.confirmed + 1, candidate.gained + delta, candidate.has_jumped
+        )
+        if self._candidate.confirmed < self._confirmations(reading) or not self._has_moved(self._candidate):
             return "two_senders" if self.two_senders else reason
         self._adopt_candidate(self._candidate)
         return None
@@ -245,6 +266,10 @@ class WheelCounter:
         self.two_senders = False
         self._begin(candidate)
 
+    def _has_moved(self, candidate: FrameSequence) -> bool:
+        """True where what has jumped shows that it counts; a node that says that it booted need not."""
+        return not candidate.has_jumped or abs(candidate.gained) > SLACK_COUNTS
+
     def _confirmations(self, reading: WheelReading) -> int:
         """Frames that a candidate needs, itself included, while the current sequence is silent."""
         if self.two_senders:
@@ -258,7 +283,8 @@ class WheelCounter:
         """True where the frame follows the candidate as it would have to follow the current sequence."""
         if not self._possible(delta, stamp_ns - candidate.stamp_ns, steps):
             return False
-        if not self._tolerance or reading.speed is None or steps > SPEED_STEPS:
+        speed = reading.signed_speed
+        if not self._tolerance or speed is None or steps > SPEED_STEPS:
             return True
-        expected = reading.speed * steps * self._period_ns * 1e-9
+        expected = speed * steps * self._period_ns * 1e-9
         return abs(delta - expected) <= self._tolerance * steps + SLACK_COUNTS

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from drivers.canbus.advice import bitrate_advice, bus_off_advice
 from drivers.canbus.arrival_clock import ArrivalClock
-from drivers.canbus.bus import BusReadError, CanBus
+from drivers.canbus.bus import BusReadError, CanBus, NotAFrameError
 from drivers.canbus.error_frames import BusCondition, ErrorFrames
 from drivers.canbus.frame import ERROR, CanFrame
 from drivers.events import EventLog
@@ -24,17 +24,23 @@ from drivers.settings.encoders import EncoderSettings
 from drivers.stoppable_thread import StoppableThread
 from drivers.wheels.layouts.choose import wheel_decoder
 from drivers.wheels.pair import WheelPair
-from drivers.wheels.speed import DEGRADED_PERIODS
+from drivers.wheels.state import CHECK_POWER
 
 SILENCE_S = 0.5  # seconds without any frame after which the bus is opened again
 BACKOFF_MIN_S = 0.1  # seconds before the first new attempt to open
 BACKOFF_MAX_S = 0.5  # longest wait between attempts; a bus that is back must be used within 1 s
 WAIT_S = 0.1  # how often a reader without frames looks up: ages are judged and close() is heard
 ERRORS_BEFORE_REOPENING = 3  # one broken line of slcan is no reason, a poisoned buffer is
+STRANGERS = 100  # things in a row that are no frame before they are waited for
+STRANGER_WAIT_S = 0.01
 ERRORS_WITHOUT_GOOD = 50  # error frames in a row after which the bit rate is doubted
 OVERFLOW = (
     "frames were lost because the kernel's buffer was full; raise encoders.bus.receive_buffer_bytes and "
     "sudo sysctl net.core.rmem_max, or relieve the processor"
+)
+UNSIGNED = (
+    "{0} wheel: its speed has no sign and no direction is named, so driving backwards counts as forwards; name the "
+    "signal in encoders.layout.{0}.direction"
 )
 LATE = "frames waited before they were read; the counts stay right, but the processor is overloaded"
 CLOCK_JUMP = "the system clock has jumped; ages and stamps are of the monotonic clock and stay right"
@@ -65,7 +71,7 @@ class CanEncoders:
         self._pair = WheelPair(settings, self._frames, self._events)
         self._errors = ErrorFrames()
         self._lock = threading.Lock()
-        self._thread = StoppableThread("encoders", self._run, alive)
+        self._thread = StoppableThread("encoders", self._run, alive, self._note_defect)
         self._link_trouble = "not started"
         self._handed_out: deque[int] = deque(maxlen=256)
 
@@ -121,15 +127,12 @@ class CanEncoders:
         trouble = pair.trouble(now_ns)
         if trouble:
             return SensorState.FAILED, trouble
-        degraded_ns = DEGRADED_PERIODS * self._settings.period_ns
         for wheel in (pair.left, pair.right):
             age_ns = wheel.age_ns(now_ns)
             if age_ns is None:
-                return (
-                    SensorState.STARTING,
-                    f"{wheel.wheel} wheel: not heard so far; check power and cable of the node",
-                )
-            if age_ns > degraded_ns:
+                why = wheel.refusal(now_ns) or f"not heard so far; {CHECK_POWER}"
+                return SensorState.STARTING, f"{wheel.wheel} wheel: {why}"
+            if age_ns > self._settings.degraded_ns:
                 return SensorState.STALE, f"{wheel.wheel} wheel: late by {age_ns * 1e-6:.0f} ms"
             if wheel.stuck:
                 return (
@@ -148,6 +151,8 @@ class CanEncoders:
         bus_settings = self._settings.bus
         wait_s, silence_s = BACKOFF_MIN_S, SILENCE_S
         clock = ArrivalClock()
+        for wheel in self._frames.unsigned:
+            self._report("unsigned", 1, UNSIGNED.format(wheel))
         while not self._thread.is_stopping():
             try:
                 bus = CanBus(bus_settings, self._frames.ids, self._now_ns, clock)
@@ -171,13 +176,21 @@ class CanEncoders:
 
     def _read(self, bus: CanBus, silence_s: float) -> bool:
         """Feed frames until the bus is to be opened anew; returns whether any frame was heard."""
-        heard, errors, jumps = False, 0, bus.clock_jumps
+        heard, errors, strangers, jumps = False, 0, 0, bus.clock_jumps
         last_ns = checked_ns = self._now_ns()
         overflowed = 0
         self._wake_up(bus)
         while not self._thread.is_stopping():
             try:
                 frame = bus.receive(WAIT_S)
+            except NotAFrameError as error:
+                strangers += 1
+                self._note_link("not_a_frame", str(error), keep=True, key="not_a_frame")
+                if strangers > STRANGERS:  # an adapter whose buffer is spoilt, or a flood
+                    self._thread.wait(STRANGER_WAIT_S)
+                    if self._now_ns() - last_ns > silence_s * 1e9:
+                        return heard
+                continue
             except BusReadError as error:
                 errors += 1
                 self._note_link("read", str(error))
@@ -197,7 +210,7 @@ class CanEncoders:
                     self._note_link("silent", self._silence())
                     return heard
                 continue
-            heard, errors, last_ns = True, 0, now_ns
+            heard, errors, strangers, last_ns = True, 0, 0, now_ns
             self._handle_frame(bus, frame)
             if now_ns - frame.stamp_ns > LATE_NS:
                 self._report("late", 1, LATE)
@@ -256,9 +269,16 @@ class CanEncoders:
         bus = self._settings.bus
         return f"CAN bus {bus.interface} {bus.channel}: no frame at all; check that the nodes have power"
 
-    def _note_link(self, kind: str, text: str, keep: bool = False) -> None:
-        """Count and tell trouble of the bus. keep: the link is not failed by it."""
+    def _note_defect(self, what: str) -> None:
+        """Tell what was raised in the thread, which begins anew."""
+        text = f"defect in the encoders' driver, beginning anew: {what}"
         with self._lock:
-            self._events.add(self._now_ns(), kind, text, key=f"{kind} {text}")
+            self._events.add(self._now_ns(), "defects", text, Severity.ERROR)
+            self._link_trouble = text
+
+    def _note_link(self, kind: str, text: str, keep: bool = False, key: str = "") -> None:
+        """Count and tell trouble of the bus. keep: the link is not failed by it. key: what is limited in rate."""
+        with self._lock:
+            self._events.add(self._now_ns(), kind, text, key=key or f"{kind} {text}")
             if not keep:
                 self._link_trouble = text

@@ -9,7 +9,7 @@ from drivers.canbus.frame import CanFrame
 from drivers.events import EventLog
 from drivers.measurements import WheelCounts
 from drivers.settings.encoders import EncoderSettings
-from drivers.wheels.readings import NodeAlarm, NodeInfo, NodeState, Refused, Wheel, WheelDecoder, WheelReading
+from drivers.wheels.readings import Gear, NodeAlarm, NodeInfo, NodeState, Refused, Wheel, WheelDecoder, WheelReading
 from drivers.wheels.state import WheelState
 
 INVALID_EVERY_NS = 100_000_000
@@ -39,7 +39,9 @@ class WheelPair:
             wheel = self._wheels[item.wheel]
             match item:
                 case WheelReading():
-                    self._read(wheel, frame.stamp_ns, item)
+                    self._read(wheel, frame.stamp_ns, wheel.directed(frame.stamp_ns, item))
+                case Gear():
+                    wheel.shift(frame.stamp_ns, item.direction)
                 case Refused():
                     wheel.counters[item.reason] += 1
                     wheel.bad_frames.add()

@@ -24,6 +24,8 @@ class WheelReading(NamedTuple):
 
     position: counts as the wire has them, not unwrapped; an int unless the device sends turns.
     speed: counts per second, sign as on the wire.
+    direction: 1 or -1, by which both are multiplied where the device sends them without a sign; 0: it is not known.
+    is_sentinel: the position is a value by which devices say "not available", such as all ones.
     """
 
     wheel: Wheel
@@ -33,6 +35,20 @@ class WheelReading(NamedTuple):
     status_ok: bool = True
     alive: int | None = None
     boot_id: int | None = None
+    direction: int = 1
+    is_sentinel: bool = False
+
+    @property
+    def signed_speed(self) -> float | None:
+        """Counts per second, negative where the direction says so."""
+        return -abs(self.speed) if self.speed is not None and self.direction < 0 else self.speed
+
+
+class Gear(NamedTuple):
+    """What another message says of the direction of one wheel: 1 or -1, 0 where it does not say."""
+
+    wheel: Wheel
+    direction: int
 
 
 class NodeInfo(NamedTuple):
@@ -66,7 +82,7 @@ class Refused(NamedTuple):
     reason: str
 
 
-Decoded = WheelReading | NodeInfo | NodeState | NodeAlarm | Refused
+Decoded = WheelReading | Gear | NodeInfo | NodeState | NodeAlarm | Refused
 Decoder = Callable[[bytes], tuple[Decoded, ...]]
 
 
@@ -87,6 +103,7 @@ class WheelDecoder:
     alive_modulus: the same for the rolling counter, 0 where none is sent.
     has_position: False where a wheel sends only its speed, which is then integrated.
     wake_up: frames to send when the bus has opened and after a node has booted (NMT start).
+    unsigned: wheels whose way back nothing tells from the way forth. gears: those whose direction is another message's.
     """
 
     def __init__(
@@ -96,12 +113,16 @@ class WheelDecoder:
         alive_modulus: dict[Wheel, int],
         has_position: bool = True,
         wake_up: tuple[CanFrame, ...] = (),
+        unsigned: tuple[Wheel, ...] = (),
+        gears: tuple[Wheel, ...] = (),
     ) -> None:
         self.routes = routes
         self.modulus = modulus
         self.alive_modulus = alive_modulus
         self.has_position = has_position
         self.wake_up = wake_up
+        self.unsigned = unsigned
+        self.gears = gears
 
     @property
     def ids(self) -> tuple[int, ...]:
@@ -119,7 +140,10 @@ class WheelDecoder:
         elif route.length and len(data) != route.length:  # never the DLC: slcan believes any digit
             reason = "length"
         else:
-            return route.decode(data)
+            try:
+                return route.decode(data)
+            except Exception:  # noqa: BLE001 cantools and bitstruct raise what they like of bytes that do not fit
+                reason = "undecodable"
         return tuple(Refused(wheel, reason) for wheel in route.wheels)
 
 

@@ -6,8 +6,6 @@ from drivers.settings.encoders import EncoderSettings
 from drivers.wheels.leaky_bucket import LeakyBucket
 from drivers.wheels.readings import WheelReading
 
-DEGRADED_PERIODS = 3.0  # silence after which a wheel is degraded
-
 
 class SpeedIntegrator:
     """Same face as WheelCounter. Motion during a gap is unknown: speeds say nothing of frames that are missing."""
@@ -22,7 +20,7 @@ class SpeedIntegrator:
         self.frozen = LeakyBucket(5)
         self.two_senders = False
         self._period_ns = settings.period_ns
-        self._longest_ns = DEGRADED_PERIODS * settings.period_ns
+        self._longest_ns = settings.degraded_ns
         self._top_counts_per_s = settings.vehicle.jump_speed_mps * settings.counts_per_metre
         self._counts_per_metre = settings.counts_per_metre
         self._sign = sign
@@ -35,11 +33,14 @@ class SpeedIntegrator:
 
     def update(self, stamp_ns: int, reading: WheelReading) -> str | None:
         """Take one frame; None: accepted, else the reason for refusing it."""
-        speed = reading.speed or 0.0
+        speed = reading.signed_speed or 0.0
         reason = None
         if not reading.status_ok:
             self.restart()
             reason = "status"
+        elif reading.direction == 0 and speed != 0.0:
+            self.restart()
+            reason = "direction"
         elif abs(speed) > self._top_counts_per_s:
             reason = "jump"
         elif self.stamp_ns is not None and stamp_ns <= self.stamp_ns:

@@ -6,15 +6,20 @@ from drivers.settings.encoders import EncoderSettings, WheelSettings
 from drivers.wheels.counter import WheelCounter
 from drivers.wheels.history import WheelHistory
 from drivers.wheels.leaky_bucket import LeakyBucket
-from drivers.wheels.readings import NodeInfo, Wheel, WheelDecoder
+from drivers.wheels.readings import NodeInfo, Wheel, WheelDecoder, WheelReading
 from drivers.wheels.speed import SpeedIntegrator
 
-SILENT_PERIODS = 10.0  # silence after which the samples are invalid
 STUCK_TRAVEL_M = 0.5  # travel of one wheel during which the other stands still that is reported
-INTERPOLATED_PERIODS = 5  # a longer gap is no straight line
+INTERPOLATED_PERIODS, INTERPOLATED_AT_LEAST_NS = 5, 60_000_000  # a longer gap is no straight line
+GEAR_NS = 2_500_000_000  # a gear that has been silent for longer is not known; most are sent each second at least
 OPERATIONAL = 5
 REASONS = {
     "crc": "checksums are wrong; check cable, termination and that no other node uses this id",
+    "undecodable": "frames cannot be decoded, such as a multiplexer value that the layout lacks; check the layout",
+    "not_available": "the node says that it has no count (all ones); see what its manual says of that",
+    "not_finite": "the count or the speed is no number (NaN); check the node's program",
+    "out_of_range": "the count or the speed lies outside of the range that the DBC gives it; check both",
+    "direction": "the wheel turns and nothing says which way; check the signal or message that direction names",
     "length": "frames have another length than the layout says; check the layout",
     "standard": "frames have an 11-bit id where 29 bits are expected; check the layout",
     "extended": "frames have a 29-bit id where 11 bits are expected; check the layout",
@@ -31,6 +36,7 @@ REASONS = {
     "out_of_order": "frames arrive late",
     "duplicate": "frames arrive twice",
 }
+CHECK_POWER = "check power and cable of the node"
 BENIGN = ("duplicate", "out_of_order", "unconfirmed")
 
 
@@ -52,14 +58,17 @@ class WheelState:
             else SpeedIntegrator(settings, own.sign)
         )
         self.counters = self.counter.counters
-        self.history = WheelHistory(INTERPOLATED_PERIODS * settings.period_ns)
+        self.history = WheelHistory(max(INTERPOLATED_PERIODS * settings.period_ns, INTERPOLATED_AT_LEAST_NS))
         self.bad_frames = LeakyBucket(5)
         self.stuck = False
         self.wake_up_wanted = False
         self.lost_at_ns: int | None = None
         self._settings = settings
         self._events = events
-        self._silent_ns = SILENT_PERIODS * settings.period_ns
+        self._silent_ns = settings.silent_ns
+        self._has_gear = wheel in frames.gears
+        self._gear: tuple[int, int] | None = None
+        self._refused: tuple[int, str] | None = None
         self._uptime_ms: int | None = None
         self._misconfigured = ""
         self._not_operational = ""
@@ -74,13 +83,19 @@ class WheelState:
         if self.counter.two_senders:
             return REASONS["two_senders"]
         if self.bad_frames.full:
-            return REASONS["crc"]
+            return REASONS[self._refused[1] if self._refused is not None else "crc"]
         if self.counter.frozen.full:
             return REASONS["alive_frozen"]
         age_ns = self.age_ns(now_ns)
         if age_ns is not None and age_ns > self._silent_ns:
-            return f"silent: no good frame for {age_ns * 1e-9:.1f} s; check power and cable of the node"
+            return f"silent: no good frame for {age_ns * 1e-9:.1f} s; {self.refusal(now_ns) or CHECK_POWER}"
         return ""
+
+    def refusal(self, now_ns: int) -> str:
+        """Why the frames that do come are of no use; empty where none has come lately."""
+        if self._refused is None or now_ns - self._refused[0] > self._silent_ns:
+            return ""
+        return REASONS[self._refused[1]]
 
     def age_ns(self, now_ns: int) -> int | None:
         """Time since the last good frame; None before the first."""
@@ -93,7 +108,20 @@ class WheelState:
 
     def refuse(self, stamp_ns: int, reason: str) -> None:
         """An event for a refused frame; the counter has been counted already."""
+        if reason not in BENIGN:
+            self._refused = stamp_ns, reason
         self.note(stamp_ns, reason, REASONS[reason], Severity.INFO if reason in BENIGN else Severity.WARN)
+
+    def shift(self, stamp_ns: int, direction: int) -> None:
+        """Take what another message says of the direction."""
+        self._gear = stamp_ns, direction
+
+    def directed(self, stamp_ns: int, reading: WheelReading) -> WheelReading:
+        """A reading with the direction that another message gives it, where the layout names one."""
+        if not self._has_gear:
+            return reading
+        is_known = self._gear is not None and stamp_ns - self._gear[0] <= GEAR_NS
+        return reading._replace(direction=self._gear[1] if is_known and self._gear is not None else 0)
 
     def compare_travel(self, own: float, other: float, stamp_ns: int) -> None:
         """Suspect a wheel that stands still while the other rolls on; a turn about one wheel does so, for a while."""

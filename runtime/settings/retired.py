@@ -193,11 +193,11 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
     "drivers/wheels/layouts/cia406.py": {
         "encoders.layout.start_nodes": (True, "START_NODES"),
     },
-    "drivers/wheels/speed.py": {
+    "drivers/settings/encoders.py": {
         "encoders.degraded_periods": (3.0, "DEGRADED_PERIODS"),
+        "encoders.silent_periods": (10.0, "SILENT_PERIODS"),
     },
     "drivers/wheels/state.py": {
-        "encoders.silent_periods": (10.0, "SILENT_PERIODS"),
         "encoders.stuck_travel_m": (0.5, "STUCK_TRAVEL_M"),
     },
     "runtime/live/run.py": {

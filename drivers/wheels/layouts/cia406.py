@@ -18,6 +18,8 @@ from drivers.wheels.readings import Decoded, Decoder, NodeAlarm, NodeState, Rout
 POSITION, TOTAL_RANGE = 0x6004, 0x6002
 HEARTBEAT, EMERGENCY = 0x700, 0x080
 ENCODER_EDS = Path(__file__).with_name("encoder406.eds")
+MOST_BITS = 64  # a frame
+LARGEST_BYTES = 1 << 22  # 4 MB; an EDS has some 100 kB
 START_NODES = True  # NMT start when the bus opens and after a boot-up message; harmless beside another master
 NMT_START = 0x01
 SIGNED_TYPES = (0x02, 0x03, 0x04, 0x15)  # CiA 301 data types INTEGER8, 16, 32, 64
@@ -58,10 +60,13 @@ def read_eds(path: Path, node: int) -> Any:
         ) from error
     if not path.is_file():
         raise DriverError(f"{path}: no such file; give the path of the encoder's EDS in layout.file")
+    if path.stat().st_size > LARGEST_BYTES:
+        raise DriverError(f"{path}: has more than {LARGEST_BYTES >> 20} MB; give the path of an EDS in layout.file")
     try:
         return canopen.import_od(str(path), node)
-    except (ValueError, KeyError, UnicodeDecodeError, canopen.ObjectDictionaryError) as error:
-        raise DriverError(f"{path}: not an EDS that can be used ({error}); mend the file or name another") from error
+    except Exception as error:
+        reason = " ".join(str(error).split())[:200]
+        raise DriverError(f"{path}: not an EDS that can be used ({reason}); mend the file or name another") from error
 
 
 def mapped_message(dictionary: Any, tpdo: int, wheel: Wheel, path: Path) -> MessageSettings:
@@ -70,10 +75,19 @@ def mapped_message(dictionary: Any, tpdo: int, wheel: Wheel, path: Path) -> Mess
         identifier = int(dictionary[0x1800 + tpdo - 1][1].default)
         mapping = dictionary[0x1A00 + tpdo - 1]
         entries = [int(mapping[place].default) for place in range(1, int(mapping[0].default) + 1)]
-    except (KeyError, TypeError) as error:
+        signals = _signals(dictionary, entries)
+    except Exception as error:
         raise DriverError(
-            f"{path}: has no TPDO{tpdo} with a default mapping; set layout.tpdo to one that it has"
+            f"{path}: has no TPDO{tpdo} with a default mapping that can be used; set layout.tpdo to one that it has"
         ) from error
+    if not any(signal.name == "position" for signal in signals):
+        raise DriverError(f"{path}: TPDO{tpdo} does not map the position 6004h; set layout.tpdo to the one that does")
+    length = (sum(signal.length for signal in signals) + 7) // 8
+    return MessageSettings(name=wheel.value, frame_id=identifier & 0x7FF, length=length, signals=tuple(signals))
+
+
+def _signals(dictionary: Any, entries: list[int]) -> list[SignalSettings]:
+    """What the entries of a mapping (index, sub, bits) put into a message of at most 8 bytes, in order."""
     signals, bit = [], 0
     for place, entry in enumerate(entries, start=1):
         index, bits = entry >> 16, entry & 0xFF
@@ -81,9 +95,9 @@ def mapped_message(dictionary: Any, tpdo: int, wheel: Wheel, path: Path) -> Mess
         name = "position" if index == POSITION else f"object_{index:04X}_{place}"
         signals.append(SignalSettings(name=name, start=bit, length=bits, type="signed" if signed else "unsigned"))
         bit += bits
-    if not any(signal.name == "position" for signal in signals):
-        raise DriverError(f"{path}: TPDO{tpdo} does not map the position 6004h; set layout.tpdo to the one that does")
-    return MessageSettings(name=wheel.value, frame_id=identifier & 0x7FF, length=(bit + 7) // 8, signals=tuple(signals))
+    if bit > MOST_BITS:
+        raise ValueError(f"{bit} bits are mapped")
+    return signals
 
 
 def _heartbeat(wheel: Wheel) -> Decoder:
@@ -103,7 +117,7 @@ def _emergency(wheel: Wheel) -> Decoder:
 def _default(dictionary: Any, index: int, absent: int) -> int:
     try:
         return int(dictionary[index].default)
-    except (KeyError, TypeError):
+    except (KeyError, TypeError, ValueError, AttributeError):
         return absent
 
 

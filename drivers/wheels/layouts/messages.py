@@ -1,5 +1,6 @@
 """One wheel's messages in both directions: cantools does the bits, this file knows which signal means what."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +11,10 @@ from crccheck.crc import Crc
 from drivers.canbus.frame import EXTENDED, CanFrame
 from drivers.measurements import DriverError
 from drivers.settings.wheel_signals import InfoSignals, WheelSignals
-from drivers.wheels.readings import Decoded, NodeInfo, Refused, Wheel, WheelReading
+from drivers.wheels.readings import Decoded, Gear, NodeInfo, Refused, Wheel, WheelReading
+
+SENTINEL_BITS = 8  # in fewer bits all ones are a value like any other
+HALF_STEP = 0.5  # of the raw value: a range is written down with rounded ends
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +42,6 @@ def signal_of(message: Message, name: str):  # type: ignore[no-untyped-def]  # c
     """The signal, or a sentence with the names that there are."""
     for signal in message.signals:
         if signal.name == name:
-            if signal.multiplexer_ids:
-                raise DriverError(f"signal {name} of message {message.name} is multiplexed; name one that is not")
             return signal
     known = ", ".join(signal.name for signal in message.signals)
     raise DriverError(f"signal {name}: message {message.name} has only {known}; correct the name in the layout")
@@ -48,7 +50,8 @@ def signal_of(message: Message, name: str):  # type: ignore[no-untyped-def]  # c
 class FeedbackMessage:
     """The fast message of one wheel.
 
-    speed_factor: counts per second in one unit of the scaled speed signal.
+    speed_factor: counts per second in one unit of the scaled speed signal. Of a multiplexed message, frames that do
+    not hold this wheel's count say nothing of it.
     """
 
     def __init__(self, wheel: Wheel, message: Message, signals: WheelSignals, speed_factor: float) -> None:
@@ -59,9 +62,13 @@ class FeedbackMessage:
         self._count = quantity(message, signals.count, signals.counts_per_unit) if signals.count else None
         self._speed = quantity(message, signals.speed, speed_factor) if signals.speed else None
         self._status_ok = frozenset(signals.status_ok)
+        self._direction = DirectionSignal(message, signals) if is_own_direction(signals) else None
         for name in (signals.status, signals.alive, signals.boot_id):
             if name:
                 signal_of(message, name)
+        measured = [each.name for each in (self._count, self._speed) if each is not None]
+        self._limits = {name: limits for name in measured if (limits := raw_limits(signal_of(message, name)))}
+        self._sentinels = {name: sentinels(signal_of(message, name)) for name in measured}
         self._crc_byte = self._byte_of_crc() if signals.crc else -1
         self._crc = Crc(8, signals.crc_polynomial, signals.crc_init, xor_output=signals.crc_xor_out)
         id_bytes = self.arbitration_id.to_bytes(4, "little")[:2]
@@ -86,7 +93,24 @@ class FeedbackMessage:
     @property
     def alive_modulus(self) -> int:
         """Values of the rolling counter; 0: none is sent."""
-        return 2 ** int(signal_of(self._message, self._signals.alive).length) if self._signals.alive else 0
+        name = self._signals.alive
+        if not name or self._is_shared(name):
+            return 0
+        return 1 << int(signal_of(self._message, name).length)
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether the way back is told from the way forth: by a sign, a count that falls, or a direction."""
+        if self._signals.direction or self._count is not None:
+            return True
+        signal = signal_of(self._message, self._signals.speed)
+        return bool(signal.is_signed or signal.conversion.is_float or self._speed is None or self._speed.offset < 0.0)
+
+    def _is_shared(self, name: str) -> bool:
+        """Whether frames of the other wheel have this signal too, which a multiplexer tells from this wheel's."""
+        measured = self._signals.count or self._signals.speed
+        own = signal_of(self._message, measured).multiplexer_ids
+        return bool(own) and signal_of(self._message, name).multiplexer_ids != own
 
     def decode(self, data: bytes) -> tuple[Decoded, ...]:
         """The reading, or the refusal of a frame whose checksum does not fit."""
@@ -94,16 +118,29 @@ class FeedbackMessage:
             return (Refused(self.wheel, "crc"),)
         values: dict[str, Any] = self._message.decode(data, decode_choices=False, scaling=False)  # type: ignore[assignment]
         signals = self._signals
-        status = values[signals.status] & signals.status_mask if signals.status else 0
+        measured = [each.name for each in (self._count, self._speed) if each is not None]
+        if measured[0] not in values:
+            return ()
+        if not all(math.isfinite(values[name]) for name in measured if name in values):
+            return (Refused(self.wheel, "not_finite"),)
+        for name, (low, high) in self._limits.items():
+            if name in values and not low <= values[name] <= high:
+                return (Refused(self.wheel, "out_of_range"),)
+        if signals.speed in values and values[signals.speed] in self._sentinels[signals.speed]:
+            return (Refused(self.wheel, "not_available"),)
+        status = int(values.get(signals.status, 0)) & signals.status_mask if signals.status else 0
+        speed = self._speed
         return (
             WheelReading(
                 self.wheel,
                 self._count.value(values[self._count.name]) if self._count is not None else None,
-                self._speed.value(values[self._speed.name]) if self._speed is not None else None,
+                speed.value(values[speed.name]) if speed is not None and speed.name in values else None,
                 status,
-                not signals.status or status in self._status_ok,
-                values[signals.alive] if signals.alive else None,
-                values[signals.boot_id] if signals.boot_id else None,
+                signals.status not in values or status in self._status_ok,
+                values.get(signals.alive),
+                values.get(signals.boot_id),
+                self._direction.of(values) if self._direction is not None else 1,
+                self._count is not None and values[self._count.name] in self._sentinels[self._count.name],
             ),
         )
 
@@ -130,6 +167,63 @@ class FeedbackMessage:
                 f"{signal.start}; name another signal in crc"
             )
         return int(start // 8)
+
+
+class DirectionSignal:
+    """Which way the wheels turn, where their message does not say it by a sign: a bit, or the gear."""
+
+    def __init__(self, message: Message, signals: WheelSignals) -> None:
+        self.name = signals.direction.rpartition(".")[2]
+        self._reverse = frozenset(signals.direction_reverse)
+        signal = signal_of(message, self.name)
+        self._unknown = frozenset({2**signal.length - 1} if signal.length > 1 else ())  # SAE J1939: two bits, 11
+
+    def of(self, values: Mapping[str, Any]) -> int:
+        """1 forward, -1 backward, 0 where these signals do not say."""
+        value = values.get(self.name)
+        if value is None or (value in self._unknown and value not in self._reverse):
+            return 0
+        return -1 if value in self._reverse else 1
+
+
+class DirectionMessage:
+    """Another message that says which way a wheel turns, such as that of the gear."""
+
+    def __init__(self, wheel: Wheel, message: Message, signals: WheelSignals) -> None:
+        self.wheel = wheel
+        self.arbitration_id = int(message.frame_id)
+        self._message = message
+        self._signal = DirectionSignal(message, signals)
+
+    def decode(self, data: bytes) -> tuple[Decoded, ...]:
+        """The direction from now on."""
+        values: dict[str, Any] = self._message.decode(data, decode_choices=False, scaling=False)  # type: ignore[assignment]
+        return (Gear(self.wheel, self._signal.of(values)),)
+
+
+def is_own_direction(signals: WheelSignals) -> bool:
+    """Whether the direction stands in the message of the wheel itself."""
+    return bool(signals.direction) and signals.direction.rpartition(".")[0] in ("", signals.message)
+
+
+def sentinels(signal) -> frozenset[int]:  # type: ignore[no-untyped-def]  # cantools exports no type for it
+    """Raw values by which devices say "not available": all ones (SAE J1939-71), or the ends of a signed range."""
+    if signal.conversion.is_float or signal.length < SENTINEL_BITS:
+        return frozenset()
+    if signal.is_signed:
+        return frozenset({-(2 ** (signal.length - 1)), 2 ** (signal.length - 1) - 1})
+    return frozenset({2**signal.length - 1})
+
+
+def raw_limits(signal) -> tuple[float, float] | None:  # type: ignore[no-untyped-def]
+    """Raw values between which a signal lies by its layout; None where that says nothing (none, or 0 to 0)."""
+    low, high = signal.minimum, signal.maximum
+    if low is None or high is None or not low < high:
+        return None
+    scale = float(getattr(signal.conversion, "scale", 1.0)) or 1.0
+    offset = float(getattr(signal.conversion, "offset", 0.0))
+    ends = sorted(((float(low) - offset) / scale, (float(high) - offset) / scale))
+    return ends[0] - HALF_STEP, ends[1] + HALF_STEP
 
 
 class InfoMessage:

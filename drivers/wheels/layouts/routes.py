@@ -9,7 +9,7 @@ from cantools.database.conversion import BaseConversion
 from drivers.measurements import DriverError
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.wheel_signals import MessageSettings, WheelSignals
-from drivers.wheels.layouts.messages import FeedbackMessage, InfoMessage
+from drivers.wheels.layouts.messages import DirectionMessage, FeedbackMessage, InfoMessage, is_own_direction
 from drivers.wheels.layouts.presets import COUNTS_PER_MOTOR_TURN
 from drivers.wheels.readings import Decoder, Route, Wheel, WheelDecoder
 
@@ -29,7 +29,9 @@ def built_message(settings: MessageSettings) -> Message:
                     length=signal.length,
                     byte_order="little_endian" if signal.order == "little" else "big_endian",
                     is_signed=signal.type == "signed",
-                    conversion=BaseConversion.factory(scale=signal.scale, is_float=signal.type == "float"),
+                    conversion=BaseConversion.factory(
+                        scale=signal.scale, offset=signal.offset, is_float=signal.type == "float"
+                    ),
                 )
                 for signal in settings.signals
             ],
@@ -60,6 +62,11 @@ def decoder_of(
             Route((wheel,), message.is_extended_frame, message.length, feedback.decode),
             shared,
         )
+        if signals.direction and not is_own_direction(signals):
+            other = _named(messages, signals.direction.rpartition(".")[0])
+            gear = DirectionMessage(wheel, other, signals)
+            route = Route((wheel,), other.is_extended_frame, other.length, gear.decode)
+            _add(routes, gear.arbitration_id, route, wheel is Wheel.RIGHT)
         if signals.info is not None:
             slow = _named(messages, signals.info.message)
             info = InfoMessage(wheel, slow, signals.info)
@@ -75,7 +82,13 @@ def decoder_of(
         {wheel: chosen[wheel] * abs(item.counts_per_bit) or item.modulus for wheel, item in fast.items()},
         {wheel: item.alive_modulus for wheel, item in fast.items()},
         bool(left.count),
+        unsigned=tuple(wheel for wheel, item in fast.items() if not item.is_signed),
+        gears=tuple(wheel for wheel, each in zip(fast, (left, right), strict=True) if _has_gear(each)),
     )
+
+
+def _has_gear(signals: WheelSignals) -> bool:
+    return bool(signals.direction) and not is_own_direction(signals)
 
 
 def _add(routes: dict[int, Route], number: int, route: Route, shared: bool) -> None:
@@ -116,6 +129,7 @@ def _counts_per_s(signals: WheelSignals, settings: EncoderSettings) -> float:
         "counts_per_s": 1.0,
         "motor_turns_per_s": COUNTS_PER_MOTOR_TURN,
         "turns_per_s": settings.vehicle.counts_per_rev,
+        "rpm": settings.vehicle.counts_per_rev / 60.0,
         "mps": settings.counts_per_metre,
         "kph": settings.counts_per_metre / 3.6,
     }[signals.speed_unit]

@@ -164,3 +164,17 @@ def test_a_recorded_drive_gives_the_counts_that_its_first_and_last_lines_say(
     # 0xFFFFFF00 to 0x471F through the wrap; the last frame of the left wheel comes first and waits for the right one's
     assert (last.left, last.right) == pytest.approx((0x471F + 0x100,) * 2, abs=37)
     assert pair.left.counters["lost"] == pair.right.counters["lost"] == 0
+
+
+def test_wheels_that_send_500_times_a_second_bear_a_reader_that_is_held_up() -> None:
+    settings = EncoderSettings(period_ms=2.0)
+    assert (settings.degraded_ns, settings.silent_ns) == (60_000_000, 200_000_000)
+    pair = WheelPair(settings, wheel_decoder(settings))
+    for beat in range(100, 1000):
+        read = beat - beat % 100 + max(beat % 100, 20)  # twenty in a bunch, 40 ms after the first of them was sent
+        for wheel in Wheel:
+            pair.feed(frame(wheel, read * 2_000_000, beat, 5 * beat, 5))
+        pair.check(read * 2_000_000)
+    samples = [sample for sample in pair.take() if sample.stamp_ns > 300_000_000]
+    assert all(sample.valid for sample in samples)
+    assert samples[-1].left - samples[0].left == pytest.approx(5 * (999 - 150), abs=100)

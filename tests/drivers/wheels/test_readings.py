@@ -14,7 +14,7 @@ from drivers.settings.encoders import EncoderSettings, WheelSettings
 from drivers.settings.layouts import Cia406Layout, DbcLayout, PresetLayout, SignalsLayout
 from drivers.settings.vehicle import VehicleSettings
 from drivers.settings.wheel_signals import MessageSettings, SignalSettings, WheelSignals
-from drivers.wheels.layouts.choose import ROVER_DBC, dbc_messages, layout_messages, wheel_decoder
+from drivers.wheels.layouts.choose import layout_messages, wheel_decoder
 from drivers.wheels.layouts.messages import FeedbackMessage, InfoMessage
 from drivers.wheels.pair import WheelPair
 from drivers.wheels.readings import NodeAlarm, NodeInfo, NodeState, Refused, Wheel, WheelReading
@@ -246,25 +246,6 @@ def test_a_missing_canopen_is_said_in_one_sentence(monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(__import__("sys").modules, "canopen", None)
     with pytest.raises(DriverError, match=r"pip install 'infant\[canopen\]'"):
         wheel_decoder(EncoderSettings(layout=Cia406Layout(kind="cia406", left_node=5, right_node=6)))
-
-
-@pytest.mark.parametrize(
-    ("change", "sentence"),
-    [
-        (("BO_ 386 WHEEL_R_FB", "BO_ 385 WHEEL_R_FB"), "id 0x181 is used by WHEEL_L_FB and WHEEL_R_FB"),
-        (("L_Speed : 32|12", "L_Speed : 30|12"), "not a DBC that can be used"),
-        (("L_Speed : 32|12", "L_Speed : 60|12"), "not a DBC that can be used"),
-        (("BO_ 385 ", "BO_ abc "), "not a DBC that can be used"),
-    ],
-)
-def test_a_dbc_with_duplicate_ids_or_overlaps_is_refused(
-    tmp_path: Path, change: tuple[str, str], sentence: str
-) -> None:
-    text = ROVER_DBC.read_text()
-    path = tmp_path / "bad.dbc"
-    path.write_text(text.replace(*change))
-    with pytest.raises(DriverError, match=sentence):
-        dbc_messages(path)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,143 @@
+"""Of a DBC file, what the wheels need: the messages that the layout names, whatever else stands in the file.
+
+Real files have comments in the encoding of whoever wrote them, signals that overlap in messages of other nodes, and
+lines of tools that no parser knows. Only the named messages are judged, and handed to cantools as a file of their own.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+from cantools.database.can import Database, Message
+
+from drivers.measurements import DriverError
+
+LARGEST_BYTES = 1 << 25  # 32 MB; the DBC of a whole lorry has 5
+MOST_NAMED = 12
+ENCODINGS = ("utf-8-sig", "cp932", "cp1252", "latin-1")  # names are ASCII; whichever fits shows a unit as it was meant
+UTF16 = (b"\xff\xfe", b"\xfe\xff")
+COMMENT = re.compile(r'^[ \t]*CM_\s[^"]*"(?:[^"\\]|\\.)*"\s*;', re.MULTILINE)
+BO_LINE = re.compile(r"^\s*BO_\s+(\d+)\s+(\w+)\s*:\s*(\d+)")
+SG_LINE = re.compile(
+    r"^\s*SG_\s+(\w+)\s*(M|m\d+M?)?\s*:\s*(\d+)\s*\|\s*(\d+)\s*@\s*([01])\s*([+-])"
+    r"\s*\(\s*([^,()]+?)\s*,\s*([^,()]+?)\s*\)\s*(?:\[\s*([^|\]]*?)\s*\|\s*([^|\]]*?)\s*\])?"
+)
+LONG_NAME = re.compile(r'^\s*BA_\s+"System(Message|Signal)LongSymbol"\s+(?:BO_|SG_)\s+(\d+)\s+(?:(\w+)\s+)?"(\w+)"')
+KEPT = ("SIG_VALTYPE_", "SG_MUL_VAL_")
+NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?")
+
+
+def dbc_messages(path: Path, names: Iterable[str]) -> dict[str, Message]:
+    """The messages of these names. Raises DriverError with one sentence: for what is missing, twice there or wrong."""
+    wanted = dict.fromkeys(names)
+    blocks = _blocks(_text(path))
+    by_name = Counter(block.name for block in blocks)
+    by_id = Counter(block.number for block in blocks)
+    chosen = [block for block in blocks if block.name in wanted]
+    for block in chosen:
+        if by_name[block.name] > 1:
+            raise DriverError(
+                f"{path}: message {block.name} stands there {by_name[block.name]} times; keep one of them"
+            )
+        if by_id[block.number] > 1:
+            others = " and ".join(other.name for other in blocks if other.number == block.number)
+            raise DriverError(
+                f"{path}: id 0x{block.number & 0x1FFFFFFF:X} is used by {others}; give each message its own id"
+            )
+    if missing := [name for name in wanted if not by_name[name]]:
+        known = ", ".join(list(by_name)[:MOST_NAMED]) or "no message at all"
+        more = f" and {len(by_name) - MOST_NAMED} more" if len(by_name) > MOST_NAMED else ""
+        raise DriverError(f"{path}: message {missing[0]}: there is only {known}{more}; correct the name in the layout")
+    text = "\n\n".join(['VERSION ""', "NS_ :", "BS_:", "BU_: X", *(block.text() for block in chosen)]) + "\n"
+    try:
+        database = Database(strict=True)
+        database.add_dbc_string(text)
+    except Exception as error:
+        reason = " ".join(str(error).split())[:200]
+        raise DriverError(f"{path}: not a DBC that can be used ({reason}); mend the file or name another") from error
+    return {message.name: message for message in database.messages}
+
+
+class _Block:
+    """One message with its signals, as cantools reads them: without units, receivers and whatever follows."""
+
+    def __init__(self, number: int, name: str, length: int) -> None:
+        self.number, self.name, self._length = number, name, length
+        self.signals: dict[str, str] = {}
+        self.further: list[str] = []
+
+    def text(self) -> str:
+        """The message as lines of a DBC."""
+        lines = [f" SG_ {name} {rest}" for name, rest in self.signals.items()]
+        return "\n".join([f"BO_ {self.number} {self.name}: {self._length} X", *lines, "", *self.further])
+
+
+def _text(path: Path) -> str:
+    """The file without its comments, in whatever encoding it was saved."""
+    try:
+        with path.open("rb") as stream:
+            raw = stream.read(LARGEST_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise DriverError(f"{path}: cannot be read ({reason}); give the path of a DBC in layout.file") from error
+    if len(raw) > LARGEST_BYTES:
+        raise DriverError(f"{path}: has more than {LARGEST_BYTES >> 20} MB; give the path of a DBC in layout.file")
+    for encoding in ("utf-16", *ENCODINGS) if raw.startswith(UTF16) else ENCODINGS:
+        try:
+            text = raw.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        break
+    if "BO_" not in text:
+        raise DriverError(f"{path}: holds no message (BO_), so it is no DBC; give the path of one in layout.file")
+    return COMMENT.sub("", text)
+
+
+def _blocks(text: str) -> list[_Block]:
+    """All messages; signals whose line cannot be read are left out, and missed where the layout names them."""
+    blocks: list[_Block] = []
+    by_number: dict[int, _Block] = {}
+    long_names: list[tuple[int, str | None, str]] = []
+    current: _Block | None = None
+    for line in text.splitlines():
+        if found := BO_LINE.match(line):
+            current = _Block(int(found[1]), found[2], int(found[3]))
+            blocks.append(current)
+            by_number.setdefault(current.number, current)
+        elif line.lstrip().startswith("SG_ "):
+            if current is not None and (signal := _signal(line)) is not None:
+                current.signals.setdefault(*signal)
+        elif line.strip():
+            current = None
+            words = line.split(maxsplit=2)
+            if words[0] in KEPT and len(words) > 2 and words[1].isdecimal() and int(words[1]) in by_number:
+                by_number[int(words[1])].further.append(line.strip())
+            elif found := LONG_NAME.match(line):
+                long_names.append((int(found[2]), found[3], found[4]))
+    for number, short, long in long_names:
+        _lengthen(by_number.get(number), short, long)
+    return blocks
+
+
+def _signal(line: str) -> tuple[str, str] | None:
+    """(name, the rest of a line) as cantools reads it; None where the line is none."""
+    found = SG_LINE.match(line)
+    if found is None:
+        return None
+    name, multiplexer, start, length, order, sign, scale, offset, low, high = found.groups()
+    if not (NUMBER.fullmatch(scale) and NUMBER.fullmatch(offset)):
+        return None
+    limits = "|".join(each if each and NUMBER.fullmatch(each) else "0" for each in (low, high))
+    return name, f'{multiplexer or ""} : {start}|{length}@{order}{sign} ({scale},{offset}) [{limits}] "" X'
+
+
+def _lengthen(block: _Block | None, signal: str | None, name: str) -> None:
+    """Give a message or a signal the long name that an attribute holds, its own being cut to 32 characters."""
+    if block is None:
+        return
+    if signal is None:
+        block.name = name
+    elif signal in block.signals and name not in block.signals:
+        block.signals = {name if each == signal else each: rest for each, rest in block.signals.items()}
+        block.further = [re.sub(rf"\b{signal}\b", name, line) for line in block.further]

@@ -1,0 +1,80 @@
+"""Real DBC files, with whatever stands in them beside the wheels."""
+
+from pathlib import Path
+
+import pytest
+
+from drivers.measurements import DriverError
+from drivers.wheels.layouts.choose import ROVER_DBC
+from drivers.wheels.layouts.dbc_file import dbc_messages
+from tests.support.drivers.dbc import COUNTS, HEAD, message, plain
+
+OVERLAP = message(900, "DOORS", "a : 0|16@1+ (1,0) [0|0]", "b : 8|16@1+ (1,0) [0|0]")
+TOO_LONG = message(901, "RADIO", "a : 60|16@1+ (1,0) [0|0]")
+STRANGE = 'BA_DEF_ "Odd" NOTHING 1 2 3;\nVAL_ 4711 Ghost 0 "none" ;\nUNKNOWN_KEYWORD_ 7 ??? ;\n'
+LONG = 'BA_ "SystemMessageLongSymbol" BO_ 512 "LW_that_is_called_otherwise";\n'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        COUNTS + OVERLAP,
+        COUNTS + TOO_LONG,
+        COUNTS + message(902, "TWIN_A", "a : 0|8@1+ (1,0) [0|0]") + message(902, "TWIN_B", "a : 0|8@1+ (1,0) [0|0]"),
+        COUNTS + STRANGE,
+        COUNTS.replace('"" B', '"Grad" '),
+        COUNTS.replace("\n", "\r\n"),
+        COUNTS.replace("(1,0) [0|0]", "( 1 , 0.0 )  [0|1e3x]"),
+        COUNTS + 'CM_ "BO_ 512 LW: 8 A is the left one;\nBO_ 512 LW: 8 A";\n',
+        COUNTS.encode("utf-8-sig"),
+        COUNTS.encode("utf-16"),
+        (COUNTS + 'CM_ SG_ 512 Cnt "Ángulo";\n').encode(),
+        (COUNTS + 'CM_ SG_ 512 Cnt "ソ表";\n').encode("shift-jis"),  # the second bytes of both are backslashes
+        (COUNTS + 'CM_ SG_ 512 Cnt "Größe in °";\n').encode("latin-1"),
+        COUNTS.encode() + b'CM_ "\x81\x8d\x00";\n',
+    ],
+)
+def test_a_file_is_judged_by_the_messages_of_the_wheels_alone(tmp_path: Path, text: str | bytes) -> None:
+    pair = plain(tmp_path, text)
+    assert (pair.left.counter.total, pair.right.counter.total) == (0.0, 0.0)
+
+
+def test_a_message_may_be_named_by_the_long_name_that_an_attribute_gives_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.dbc"
+    path.write_text(COUNTS + LONG)
+    assert list(dbc_messages(path, ["LW_that_is_called_otherwise"])) == ["LW_that_is_called_otherwise"]
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (("BO_ 386 WHEEL_R_FB", "BO_ 385 WHEEL_R_FB"), "id 0x181 is used by WHEEL_L_FB and WHEEL_R_FB"),
+        (("BO_ 386 WHEEL_R_FB", "BO_ 386 WHEEL_L_FB"), "message WHEEL_L_FB stands there 2 times"),
+        (("L_Speed : 32|12", "L_Speed : 30|12"), "not a DBC that can be used"),
+        (("L_Speed : 32|12", "L_Speed : 60|12"), "not a DBC that can be used"),
+        (("BO_ 385 ", "BO_ abc "), "message WHEEL_L_FB: there is only WHEEL_R_FB, WHEEL_L_INFO, WHEEL_R_INFO"),
+        (("BO_", "XX_"), "so it is no DBC"),
+    ],
+)
+def test_what_is_wrong_with_a_message_of_the_wheels_is_said(
+    tmp_path: Path, change: tuple[str, str], sentence: str
+) -> None:
+    path = tmp_path / "bad.dbc"
+    path.write_text(ROVER_DBC.read_text().replace(*change))
+    with pytest.raises(DriverError, match=sentence) as caught:
+        dbc_messages(path, ["WHEEL_L_FB"])
+    assert "\n" not in str(caught.value)
+
+
+def test_of_hundreds_of_messages_only_some_are_listed(tmp_path: Path) -> None:
+    path = tmp_path / "many.dbc"
+    path.write_text(HEAD + "".join(message(k + 1, f"M{k}", "a : 0|8@1+ (1,0) [0|0]") for k in range(500)))
+    with pytest.raises(DriverError, match=r"there is only M0, M1, .* and 488 more"):
+        dbc_messages(path, ["LW"])
+
+
+@pytest.mark.parametrize("name", ["folder", "nul\0byte", "absent.dbc"])
+def test_a_path_that_is_no_file_is_refused_in_one_sentence(tmp_path: Path, name: str) -> None:
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(DriverError, match="cannot be read"):
+        dbc_messages(tmp_path / name, ["LW"])

@@ -1,0 +1,96 @@
+"""Nothing that arrives on the bus, and nothing that is raised in it, ends the reader's thread."""
+
+import socket
+import time
+
+import msgpack
+import pytest
+
+from drivers.canbus.loopback import free_port
+from drivers.measurements import SensorState
+from drivers.settings.can import BusSettings
+from tests.drivers.wheels.test_encoders import Listener, pair_on, virtual_bus
+from tests.support.drivers.raising import OutOfNowhere, raise_in
+from tests.support.drivers.waiting import wait_until
+
+KILLS = 3
+GROUP = "239.74.163.2"
+FRAME = {
+    "timestamp": 0.0,
+    "arbitration_id": 0x181,
+    "is_extended_id": False,
+    "is_remote_frame": False,
+    "is_error_frame": False,
+    "channel": None,
+    "dlc": 8,
+    "data": b"12345678",
+    "is_fd": False,
+    "bitrate_switch": False,
+    "error_state_indicator": False,
+}
+DATAGRAMS = [
+    b"",
+    b"not msgpack at all",
+    msgpack.packb([1, 2, 3]),
+    *(
+        msgpack.packb(FRAME | change)
+        for change in (
+            {"is_extended_id": None},
+            {"is_error_frame": "yes"},
+            {"arbitration_id": -1},
+            {"arbitration_id": 1.5},
+            {"arbitration_id": "left"},
+            {"data": None},
+            {"data": "text", "dlc": 4},
+            {"data": bytes(200), "dlc": 200},
+            {"dlc": 1e300},
+            {"check": False},
+            {"timestamp": "now"},
+        )
+    ),
+    b"\x81" * 4000,
+]
+
+
+def heard_again(listener: Listener) -> bool:
+    return listener.fresh() and listener.encoders.health().state is SensorState.FRESH
+
+
+def defects(listener: Listener) -> int:
+    return listener.encoders.health().counters.get("bus.defects", 0)
+
+
+@pytest.mark.parametrize("error", [OutOfNowhere, SystemExit])
+def test_whatever_is_raised_in_the_thread_is_named_and_over_within_two_seconds(error: type[BaseException]) -> None:
+    with pair_on(virtual_bus()) as (_, listener):
+        for kill in range(KILLS):
+            wait_until(lambda: heard_again(listener))
+            raise_in("encoders", error)
+            begin_s = time.monotonic()
+            while defects(listener) <= kill:
+                assert time.monotonic() - begin_s < 2.0
+                time.sleep(0.001)
+            assert error.__name__ in listener.encoders.health().reason
+            wait_until(lambda: heard_again(listener))
+            assert time.monotonic() - begin_s < 2.0
+        assert defects(listener) == KILLS
+        assert any("defect in the encoders' driver" in event.reason for event in listener.events)
+
+
+def test_datagrams_that_are_no_frames_are_counted_and_cost_nothing() -> None:
+    bus = BusSettings(interface="udp_multicast", channel=GROUP, port=free_port())
+    with pair_on(bus) as (_, listener), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+        wait_until(lambda: heard_again(listener))
+        sessions = listener.encoders.health().counters["bus.sessions"]
+        for _ in range(20):
+            for datagram in DATAGRAMS:
+                sender.sendto(datagram, (GROUP, bus.port))
+            time.sleep(0.02)
+        wait_until(lambda: listener.encoders.health().counters.get("bus.not_a_frame", 0) >= 200)
+        health = listener.encoders.health()
+        assert health.state is SensorState.FRESH
+        assert (health.counters["bus.sessions"], health.counters.get("bus.defects", 0)) == (sessions, 0)
+        wait_until(lambda: listener.fresh())
+        assert any("is no frame" in event.reason for event in listener.events)
+        assert all(sample.valid for sample in listener.samples)
