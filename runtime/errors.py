@@ -9,6 +9,7 @@
     +-- StorageError              6  a disk or a folder refuses
         +-- RunExistsError        6  the folder holds something already; nothing is overwritten
         +-- NotARunError          6  the folder or file is no run, or holds nothing that could be read
+        +-- NotAMapError          6  the file is no saved map, is damaged, or holds too little to find a pose in
 
 A sensor that falls silent while driving is none of these: it is a state and an event.
 """
@@ -60,3 +61,7 @@ class RunExistsError(StorageError):
 
 class NotARunError(StorageError):
     """For example an empty run.mcap."""
+
+
+class NotAMapError(StorageError):
+    """For example a map that was cut off while it was copied."""

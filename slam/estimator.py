@@ -16,6 +16,8 @@ from slam.front_end.front_ends import make_front_end
 from slam.joint.evidence import Confidence
 from slam.joint.gaussian import JointGaussian
 from slam.keyframes.keyframes import Keyframes
+from slam.maps.joint_map import JointMap, take_map
+from slam.maps.start import MapStart, begin_in_map, variant_for
 from slam.observations import MOST_FEATURES, NO_FEATURES, seen_before_share, usable_rows, verdicts_of_all
 from slam.odometry.odometry import Increment, Odometry
 from slam.particles.fastslam import FastSlam, ScanOutcome
@@ -46,9 +48,10 @@ class Estimator:
         seed: int,
         mark: Callable[[str], None] = no_mark,
         map_every: int = MAP_EVERY,
+        start: MapStart | None = None,
     ) -> None:
         """mark: told the name of each stage of a step as it ends, for someone who has a clock. map_every: the map goes
-        with every so many-th estimate.
+        with every so many-th estimate. start: the saved map that the drive begins in, else its map begins where it is.
         """
         self._settings = settings
         self._mark = mark
@@ -65,15 +68,19 @@ class Estimator:
         )
         self._alignment = Alignment(settings.front_end, self._body_from_laser)
         self._particles = FastSlam(settings, self._generator)
-        self._joint = JointGaussian(settings.joint, self._body_from_laser, settings.tuning())
+        self._joint = JointGaussian(settings.joint, self._body_from_laser, settings.tuning(), variant_for(start))
         self._keyframes = Keyframes(self._joint, self._body_from_laser)
-        self._quality = QualityMonitor(settings.quality)
+        self._hash = bytes(16)
+        if start is not None:
+            begin_in_map(self._joint, start)
+            self._particles.restart(self._joint.map_from_body, self._joint.covariance)
+            self._hash = start.digest()
+        self._quality = QualityMonitor(settings.quality, self._joint.scans)
         self._scan_ns: int | None = None
         self._rest_ns: int | None = None
         self._tick_ns: int | None = None
         self._refused_scans = self._scans_ahead = 0
         self._not_finite = 0
-        self._hash = bytes(16)
 
     def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
         """The estimate at stamp_ns from everything up to then; without a scan a prediction from the wheels."""
@@ -96,6 +103,10 @@ class Estimator:
     def state_hash(self) -> bytes:
         """16 bytes over everything that the next step depends on; two runs agree in it only if they agree in all."""
         return self._hash
+
+    def joint_map(self) -> JointMap:
+        """The map as it is now, for a later drive to begin in."""
+        return take_map(self._joint)
 
     @classmethod
     def warm_up(cls, settings: SlamSettings | None = None) -> None:

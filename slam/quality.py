@@ -44,14 +44,14 @@ class Judgement:
 class QualityMonitor:
     """Adds up the evidence of scan after scan."""
 
-    def __init__(self, settings: QualitySettings) -> None:
+    def __init__(self, settings: QualitySettings, scans: int = 0) -> None:
+        """scans: how many there were before, where a drive begins in a map."""
         self._settings = settings
         self._score = 0.0
         self._lost = False
         self._square = CONSISTENT
         self._known = self._found = 0.0
-        self._scans = 0
-        self._trusted_scans = 0
+        self._scans = self._trusted_scans = scans
         self._blind_scans = 0
         self._supported_ns: int | None = None
         self._evidence = Evidence()

@@ -1,4 +1,4 @@
-"""Commands on maps: map draw."""
+"""Commands on maps: map save, map info, map check, map draw."""
 
 import json
 from pathlib import Path
@@ -8,20 +8,57 @@ import typer
 
 from runtime.cli.progress import AsJson, progress_bar
 
+Map = Annotated[Path, typer.Argument(metavar="MAP", help="file of a saved map", show_default=False)]
+
+
+def save(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", metavar="MAP", help="file of the map; never overwritten")],
+    as_json: AsJson = False,
+) -> None:
+    """Replay a run and keep the map that it ends with, for later drives to begin in."""
+    from runtime.maps.save import save_lines, save_run
+
+    result = save_run(run, out, progress_bar("save"))
+    typer.echo(json.dumps(result) if as_json else "\n".join(save_lines(result)))
+
+
+def info(saved: Map, as_json: AsJson = False) -> None:
+    """Show what a map holds and where it comes from."""
+    from runtime.maps.info import info_lines, map_info
+
+    facts = map_info(saved)
+    typer.echo(json.dumps(facts) if as_json else "\n".join(info_lines(facts)))
+
+
+def check(
+    saved: Map,
+    config: Annotated[Path | None, typer.Option("--config", help="also: can a rover with this file use it?")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Read every byte of a map. Exit 6: it is none or is damaged, 3: it is another sensor's."""
+    from runtime.maps.info import check_lines, check_map
+
+    result = check_map(saved, config)
+    typer.echo(json.dumps(result) if as_json else "\n".join(check_lines(result)))
+
 
 def draw(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run", show_default=False)],
+    source: Annotated[Path, typer.Argument(metavar="RUN|MAP", help="a run or a saved map", show_default=False)],
     grid: Annotated[bool, typer.Option("--grid", help="also an occupancy grid, from the scans along the path")] = False,
     resolution: Annotated[float, typer.Option(min=0.01, max=10.0, help="size of a cell of the grid, m")] = 0.05,
     out: Annotated[Path | None, typer.Option("--out", help="folder of the files; default: RUN/map")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Write a map for others: PGM and YAML of nav2's map_server, PNG, landmarks as CSV and GeoJSON."""
-    from runtime.maps.draw import draw_lines, draw_run
+    from runtime.maps.draw import draw_lines, draw_map, draw_run
 
-    result = draw_run(run, out, resolution if grid else None, progress_bar("draw"))
+    if source.is_file() and source.suffix != ".mcap":
+        result = draw_map(source, out, grid)
+    else:
+        result = draw_run(source, out, resolution if grid else None, progress_bar("draw"))
     typer.echo(json.dumps(result) if as_json else "\n".join(draw_lines(result)))
 
 
-MAP_COMMANDS = (draw,)
+MAP_COMMANDS = (save, info, check, draw)
 MAP_HELP = "A map in files, for another drive or for other programs."

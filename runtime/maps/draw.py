@@ -13,6 +13,7 @@ from runtime.atomic_write import atomic_write
 from runtime.errors import StorageError, UsageError
 from runtime.maps.grid_files import map_server_yaml, pgm
 from runtime.maps.landmark_files import landmark_csv, landmark_geojson
+from runtime.maps.map_store import read_map
 from runtime.maps.picture import map_png, need_pictures
 from runtime.maps.placed_scans import PlacedScans
 from runtime.record.reader import RunReader
@@ -66,6 +67,36 @@ def draw_run(run: Path, out: Path | None, resolution_m: float | None, progress: 
         "scans_lost": drawn.lost,
         "grid": None if drawn.grid is None else grid_facts(drawn.grid),
         "truncated": reader.truncated or None,
+        "seconds": round(time.monotonic() - began_s, 2),
+    }
+
+
+def draw_map(path: Path, out: Path | None, grid: bool) -> dict[str, Any]:
+    """The same of a saved map, which has landmarks only. Raises UsageError, NotAMapError, StorageError."""
+    need_pictures()
+    began_s = time.monotonic()
+    saved, _ = read_map(path)
+    if grid:
+        raise UsageError(
+            f"{path} holds landmarks and no scans; draw the grid from the run that it was saved from: "
+            f"infant map draw RUN --grid (runs in it: {', '.join(saved.facts.runs)})"
+        )
+    landmarks = saved.joint.landmarks
+    files: dict[str, str | bytes] = {
+        "landmarks.csv": landmark_csv(landmarks),
+        "landmarks.geojson": landmark_geojson(landmarks),
+        "map.png": map_png(None, np.zeros((0, 2)), landmarks, path.name),
+    }
+    folder = out or path.with_name(f"{path.stem}_drawn")
+    write_files(folder, files)
+    return {
+        "map": str(path),
+        "out": str(folder),
+        "files": sorted(files),
+        "landmarks": len(landmarks.identities),
+        "scans_lost": 0,
+        "grid": None,
+        "truncated": None,
         "seconds": round(time.monotonic() - began_s, 2),
     }
 

@@ -19,6 +19,7 @@ ENLARGED_BY_ZEROS = (
     "looks",
     "finds",
     "missed",
+    "frozen",
     "means",
     "covariances",
     "parent_means",
@@ -32,7 +33,7 @@ class Atlas:
     """Columns over rows (R,).
 
     place: where in the state vector the landmark stands, AWAY outside it, FREE for an unused row.
-    looks, finds, missed: see slam.joint.evidence.DetectionRates.
+    looks, finds, missed: see slam.joint.evidence.DetectionRates. frozen: of a saved map that must stay as it is.
     means (R, 2), covariances (R, 2, 2): as they were when the landmark left the state.
     parents (R, 4) rows it hangs on (ORPHAN: none), parent_means (R, 8) when it was written so, weights (R, 2, 8),
     residuals (R, 2, 2).
@@ -48,6 +49,7 @@ class Atlas:
         self.looks = np.zeros(0)
         self.finds = np.zeros(0)
         self.missed = np.zeros(0, dtype=np.bool_)
+        self.frozen = np.zeros(0, dtype=np.bool_)
         self.place = np.zeros(0, dtype=np.int64)
         self.means = np.zeros((0, 2))
         self.covariances = np.zeros((0, 2, 2))
@@ -69,7 +71,7 @@ class Atlas:
             self._enlarge(len(self.place))
         row = self._free.pop()
         self.identities[row], self.log_odds[row], self.place[row] = identity, log_odds, place
-        self.looks[row] = self.finds[row] = self.missed[row] = 0
+        self.looks[row] = self.finds[row] = self.missed[row] = self.frozen[row] = 0
         self.parents[row], self._carries[row] = ORPHAN, False
         return row
 
@@ -113,18 +115,19 @@ class Atlas:
 
     def settled_means(self, state_rows: IntArray, state_means_m: FloatArray) -> FloatArray:
         """(R, 2) means of all rows as they follow from those in the state now; nothing is changed."""
-        return self._settled(state_rows, state_means_m)[0]
+        return self.settled(state_rows, state_means_m)[0]
 
     def sort_anew(self, state_rows: IntArray, state_means_m: FloatArray) -> None:
         """After the map has moved: settle everything outside the state and sort it into cells by where it is now."""
-        self.means, self.parent_means = self._settled(state_rows, state_means_m)
+        self.means, self.parent_means = self.settled(state_rows, state_means_m)
         rows = np.flatnonzero(self.place == AWAY)
         self._cells, self._cell_of = {}, {}
         cells = np.floor(self.means[rows] / self._cell_m).astype(np.int64)
         for row, (i, j) in zip(rows.tolist(), cells.tolist(), strict=True):
             self._sort_in(row, (i, j))
 
-    def _settled(self, state_rows: IntArray, state_means_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def settled(self, state_rows: IntArray, state_means_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same, and (R, 8) those of the landmarks that each hangs on."""
         means, parent_means = self.means.copy(), self.parent_means.copy()
         means[state_rows] = state_means_m
         known = self.place != AWAY

@@ -61,7 +61,10 @@ DECIDED = Variant()
 
 
 class JointGaussian:
-    """Extended Kalman filter over pose and landmarks with the paper's landmark management."""
+    """Extended Kalman filter over pose and landmarks with the paper's landmark management.
+
+    state: means, covariance and atlas, for whoever joins two maps.
+    """
 
     def __init__(
         self, settings: JointSettings, body_from_laser: Pose2, tuning: Tuning, variant: Variant = DECIDED
@@ -72,9 +75,9 @@ class JointGaussian:
         self._invariant = variant.jacobians == "invariant"
         self._first = variant.jacobians == "first_estimates"
         self._reach_m = self._tuning.range_max_m + self._tuning.range_margin_m
-        self._state = JointState(settings, self._reach_m, self._tuning.cell_m)
+        self.state = JointState(settings, self._reach_m, self._tuning.cell_m)
         self._jump = np.zeros(2)
-        self._after_miss = np.array((FIRST_LOOKS_AFTER_MISS, FIRST_FINDS_AFTER_MISS))
+        self.after_miss = np.array((FIRST_LOOKS_AFTER_MISS, FIRST_FINDS_AFTER_MISS))
         self._keyframes = np.zeros((0, 2), dtype=np.int64)
         self.scans = self.moves = 0
         self.refused = 0
@@ -83,39 +86,34 @@ class JointGaussian:
     @property
     def map_from_body(self) -> Pose2:
         """The pose at the last scan."""
-        return Pose2(*(float(value) for value in self._state.mean[:3]))
+        return Pose2(*(float(value) for value in self.state.mean[:3]))
 
     @property
     def covariance(self) -> FloatArray:
         """(3, 3) over x, y, heading in the map frame: symmetric and positive definite."""
-        values, vectors = np.linalg.eigh(self._state.covariance[:3, :3])
+        values, vectors = np.linalg.eigh(self.state.covariance[:3, :3])
         covariance = (vectors * np.maximum(values, SMALLEST_VARIANCE)) @ vectors.T
         return np.asarray(0.5 * (covariance + covariance.T))
 
     @property
-    def state(self) -> JointState:
-        """Means, covariance and atlas: for whoever joins two maps."""
-        return self._state
-
-    @property
     def landmark_count(self) -> int:
         """Landmarks in the map."""
-        return self._state.atlas.count - self._keyframes.size
+        return self.state.atlas.count - self._keyframes.size
 
     @property
     def landmarks_in_state(self) -> int:
         """Landmarks in the joint state: what a step costs depends on these."""
-        return self._state.count
+        return self.state.count
 
     def add_keyframe(self) -> None:
         """The pose of now becomes a keyframe: it stays in the state, or hangs on what does, as landmarks do."""
         still = np.zeros(3)
-        ends = [self._state.create_end(KEYFRAME, still, end) for end in (AHEAD, BEHIND)]
+        ends = [self.state.create_end(KEYFRAME, still, end) for end in (AHEAD, BEHIND)]
         self._keyframes = np.vstack((self._keyframes, ends))
 
     def from_keyframes(self) -> FloatArray:
         """(K, 3) the body as seen from every keyframe; inf where one is outside the state."""
-        state = self._state
+        state = self.state
         places = state.atlas.place[self._keyframes]
         inside = np.flatnonzero((places >= FIRST_PLACE).all(axis=1))
         seen = np.full((len(places), 3), math.inf)
@@ -125,7 +123,7 @@ class JointGaussian:
 
     def from_keyframe(self, number: int) -> tuple[FloatArray, FloatArray]:
         """The body (3,) as seen from one keyframe of the state, and its covariance (3, 3)."""
-        state = self._state
+        state = self.state
         ahead, behind = state.atlas.place[self._keyframes[number]].tolist()
         seen, spread, _ = between_with_covariance(state.mean, state.covariance, state.size, ahead, behind)
         return seen, spread
@@ -135,10 +133,11 @@ class JointGaussian:
 
         posterior (3, 3): how well that is known now, this filter's own knowledge included.
         """
-        state = self._state
+        state = self.state
         before = state.mean[:2].copy()
         ends = state.atlas.place[self._keyframes[number]]
-        condition(state.mean, state.covariance, state.size, ends, off, posterior, self._invariant)
+        with state.frozen_kept():
+            condition(state.mean, state.covariance, state.size, ends, off, posterior, self._invariant)
         if math.dist(state.mean[:2], before) > SHIFTED_M:
             state.sort_anew()
 
@@ -159,7 +158,7 @@ class JointGaussian:
     def predict(self, mean: FloatArray, covariance: FloatArray) -> None:
         """Move the pose by an increment (3,) and (3, 3) since the last scan in the body frame of then."""
         self.moves += 1
-        state, jump = self._state, self._jump
+        state, jump = self.state, self._jump
         if np.isfinite(mean).all() and np.isfinite(covariance).all():
             predict(state.mean, state.covariance, state.size, mean, covariance, float(jump[0]), float(jump[1]))
         else:
@@ -180,7 +179,7 @@ class JointGaussian:
         should have been seen. confidence: what the scans before said about the pose; while it is lost, nothing is
         written into the map. Returns this filter's own identities or verdicts (K,).
         """
-        state = self._state
+        state = self.state
         free = at_rest or self._variant.creation == "any"
         features = features._replace(may_create=features.may_create | free)
         sensor = sensor_pose(state.mean, self._mount)
@@ -190,14 +189,14 @@ class JointGaussian:
         chosen = self._associate(features, hints, places)
         settled = self._settled(places, confidence.settled_before)
         near, atlas = state.rows_at(places), state.atlas
-        rates = DetectionRates(atlas.looks[near], atlas.finds[near], atlas.missed[near], self._after_miss.copy())
+        rates = DetectionRates(atlas.looks[near], atlas.finds[near], atlas.missed[near], self.after_miss.copy())
         self.evidence = score(self._arrays, places, settled, features, chosen, sight, rates, self._tuning)
         matched = np.flatnonzero(chosen >= 0)
         self._update(places[chosen[matched]], matched, features)
         verdicts = chosen.copy()
         verdicts[matched] = atlas.identities[near[chosen[matched]]]
         if not confidence.lost:
-            atlas.looks[near], atlas.finds[near], atlas.missed[near], self._after_miss = rates
+            atlas.looks[near], atlas.finds[near], atlas.missed[near], self.after_miss = rates
             self._existence(places, chosen[matched], sight)
             self._create(features, chosen, hints)
         state.put_away()
@@ -206,7 +205,7 @@ class JointGaussian:
 
     def landmarks(self) -> LandmarkMap:
         """All landmarks of the map; covariances of those far away are as they were when last near."""
-        state, atlas = self._state, self._state.atlas
+        state, atlas = self.state, self.state.atlas
         means, covariances = state.settled_means(), atlas.covariances.copy()
         places = FIRST_PLACE + 2 * np.arange(state.count)
         for row in range(2):
@@ -217,20 +216,20 @@ class JointGaussian:
 
     def state_bytes(self) -> bytes:
         """What the next step depends on, for a hash: every change of the state shows in it."""
-        state = self._state
+        state = self.state
         atlas, rows = state.atlas, state.rows
-        learnt = (atlas.log_odds[rows], atlas.looks[rows], atlas.finds[rows], atlas.missed[rows], self._after_miss)
+        learnt = (atlas.log_odds[rows], atlas.looks[rows], atlas.finds[rows], atlas.missed[rows], self.after_miss)
         parts = (state.mean[: state.size], state.covariance[:3, : state.size], *learnt)
         return b"".join(part.tobytes() for part in parts)
 
     @property
     def _arrays(self) -> JointArrays:
         """The state as compiled code takes it."""
-        return JointArrays(self._state.mean, self._state.covariance, self._state.size, self._mount)
+        return JointArrays(self.state.mean, self.state.covariance, self.state.size, self._mount)
 
     def _associate(self, features: FeatureRows, hints: IntArray, places: IntArray) -> IntArray:
         """(K,) numbers of landmarks among places (k,), or verdicts."""
-        tuning, state = self._tuning, self._state
+        tuning, state = self._tuning, self.state
         reported = bool((features.identities >= 0).any())
         if not reported and self._variant.association == "own":
             per_metre = tuning.match_per_metre_square if tuning.density else 0.0
@@ -247,13 +246,13 @@ class JointGaussian:
 
     def _landmark_places(self) -> IntArray:
         """(l,) places of all landmarks of the state."""
-        state = self._state
+        state = self.state
         places: IntArray = FIRST_PLACE + 2 * np.arange(state.count)
         return places if not len(self._keyframes) else places[state.atlas.identities[state.rows] != KEYFRAME]
 
     def _settled(self, places: IntArray, before: int) -> BoolArray:
         """(k,) which landmarks were made before this scan's number and are likelier real than not."""
-        near, atlas = self._state.rows_at(places), self._state.atlas
+        near, atlas = self.state.rows_at(places), self.state.atlas
         settled: BoolArray = (atlas.identities[near] < before * IDENTITIES_PER_SCAN) & (atlas.log_odds[near] >= 0.0)
         return settled
 
@@ -262,11 +261,12 @@ class JointGaussian:
         if len(places) == 0:
             self._jump[:] = 0.0
             return
-        state = self._state
+        state = self.state
         before = state.mean[:2].copy()
         linearised_at = state.linearised_at if self._first else state.mean.copy()
         linearised_at[:3] = state.mean[:3]
-        update(self._arrays, linearised_at, places, matched, features, self._invariant)
+        with state.frozen_kept():
+            update(self._arrays, linearised_at, places, matched, features, self._invariant)
         jump = state.mean[:2] - before
         self._jump = jump if self._first else np.zeros(2)
         if math.hypot(float(jump[0]), float(jump[1])) > SHIFTED_M:
@@ -274,7 +274,7 @@ class JointGaussian:
 
     def _existence(self, places: IntArray, matched: IntArray, sight: SightLine) -> None:
         """Existence log-odds (6); removes what was missed too often, and what leaves the view unconfirmed."""
-        tuning, state, atlas = self._tuning, self._state, self._state.atlas
+        tuning, state, atlas = self._tuning, self.state, self.state.atlas
         seen = np.zeros(len(places), dtype=np.bool_)
         seen[matched] = True
         near = state.rows_at(places)
@@ -285,6 +285,7 @@ class JointGaussian:
             return
         bound = np.full(state.count, CONFIRMED_LOG_ODDS)
         bound[(places - FIRST_PLACE) // 2] = tuning.log_odds_remove
+        bound[atlas.frozen[state.rows]] = -math.inf
         for number in np.flatnonzero(atlas.log_odds[state.rows] < bound)[::-1].tolist():
             state.remove(number)
 
@@ -294,4 +295,4 @@ class JointGaussian:
             if known < 0 and self._variant.association == "particles":
                 known = int(hints[index])
             identity = known if known >= 0 else self.scans * IDENTITIES_PER_SCAN + int(features.numbers[index])
-            self._state.create(identity, self._tuning.log_odds_new, self._mount, sighting_of(features, index))
+            self.state.create(identity, self._tuning.log_odds_new, self._mount, sighting_of(features, index))

@@ -4,6 +4,8 @@ Far landmarks leave the state as a regression on neighbours that stay (window.py
 """
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -74,6 +76,43 @@ class JointState:
         self.create(identity, math.inf, mount, sighting)
         return int(self._rows[self.count - 1])
 
+    def adopt(self, identity: int, log_odds: float, mean_m: FloatArray) -> int:
+        """A landmark of an earlier drive enters the state, its covariance still to be filled in; returns its row."""
+        self._make_room()
+        self.mean[self.size : self.size + 2] = mean_m
+        row = self.atlas.add(identity, log_odds, self.size)
+        self._enter(row)
+        return row
+
+    def bring_all_back(self) -> list[int]:
+        """Everything into the state, however large that becomes; returns the rows that were outside, parents first."""
+        returned = self.atlas.with_ancestors(np.flatnonzero(self.atlas.place == AWAY).tolist())
+        for row in returned:
+            self._bring_one_back(row)
+        return returned
+
+    def put_row_away(self, row: int) -> None:
+        """One landmark leaves the state."""
+        self._put_one_away((int(self.atlas.place[row]) - FIRST_PLACE) // 2)
+
+    @contextmanager
+    def frozen_kept(self) -> Iterator[None]:
+        """Inside, the state may be updated; landmarks of a saved map have then learnt nothing (Schmidt-Kalman).
+
+        That is their gain set to zero: their means and the block of their covariances stay to the last bit, while what
+        they have in common with pose and other landmarks is updated. The update must be additive, not invariant.
+        """
+        frozen = np.flatnonzero(self.atlas.frozen[self.rows])
+        if len(frozen) == 0:
+            yield
+            return
+        places = (FIRST_PLACE + 2 * frozen[:, None] + np.arange(2)).ravel()
+        means, within = self.mean[places], np.ix_(places, places)
+        among_them = self.covariance[within]
+        yield
+        self.mean[places] = means
+        self.covariance[within] = among_them
+
     def remove(self, number: int) -> None:
         """Forget the landmark with this number in the state; the last one takes its number."""
         row = int(self._rows[number])
@@ -103,7 +142,9 @@ class JointState:
 
     def _put_one_away(self, number: int) -> None:
         atlas, row, at = self.atlas, int(self._rows[number]), FIRST_PLACE + 2 * number
-        others = nearest_places(self.mean, self.size, at, PARENTS)
+        others = nearest_places(self.mean, self.size, at, self.count if atlas.frozen[row] else PARENTS)
+        if atlas.frozen[row]:  # a landmark of a saved map that hung on others would move with them
+            others = others[atlas.frozen[self.rows_at(others)]][:PARENTS]
         parents = len(others)
         atlas.means[row] = self.mean[at : at + 2]
         atlas.covariances[row] = self.covariance[at : at + 2, at : at + 2]

@@ -1,1 +1,1 @@
-"""How do scans become an occupancy grid? Begin at occupancy_grid.py."""
+"""How do scans become an occupancy grid, and what of a drive is kept for the next one? Begin at joint_map.py."""

@@ -87,6 +87,17 @@ class FastSlam:
             float(tallies[REMOVED]) * share,
         )
 
+    def restart(self, mean: Pose2, covariance: FloatArray) -> None:
+        """Begin again around a pose (3, 3), with empty maps: those of before belong to another place."""
+        values, vectors = np.linalg.eigh(covariance)
+        normals = self._generator.standard_normal(self.poses.shape)
+        self.poses = mean.as_array() + (normals * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
+        self.weighted_poses = self.poses
+        self.log_weights = np.zeros(len(self.poses))
+        self.weights = normalised(self.log_weights)
+        self.best = 0
+        self.store = LandmarkStore(self._settings.particles, self._tuning.cell_m)
+
     def mean(self) -> tuple[Pose2, FloatArray]:
         """Weighted mean and covariance (3, 3) of the last scan, before resampling."""
         return weighted_mean(self.weighted_poses, self.weights)

@@ -1,0 +1,85 @@
+"""Whether a saved map suits a rover, and whether it is in itself in order."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.maps.map_file import SavedMap
+from runtime.settings.configuration import Configuration, load_configuration_text
+from slam.pose import Pose2
+
+SAME_MOUNT_M, SAME_MOUNT_RAD = 0.02, 0.01
+TWINS_M = 0.2  # two landmarks nearer than this, and than three deviations, are likely one thing
+LARGEST_SIGMA_M = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Fitness:
+    """refusal: why the map cannot be used, "" where it can. notes: differences that do not hinder, in sentences."""
+
+    refusal: str
+    notes: tuple[str, ...]
+
+
+def suits(saved: SavedMap, name: str, configuration: Configuration) -> Fitness:
+    """How the sensor and mount that made a map differ from those of a rover."""
+    made, here = load_configuration_text(saved.facts.configuration_text, source=name).slam, configuration.slam
+    for key, was, wants in (
+        ("slam.front_end.kind", made.front_end.kind, here.front_end.kind),
+        ("slam.association.strategy", made.association.strategy, here.association.strategy),
+    ):
+        if was != wants and ("given" in (was, wants) or "known" in (was, wants)):
+            return Fitness(
+                f"{name} was made by another kind of sensor ({key} = {was}, here {wants}); save a new map", ()
+            )
+    notes = []
+    if made.mount.upside_down != here.mount.upside_down:
+        notes.append(
+            f"{name} was made with the laser {'upside down' if made.mount.upside_down else 'upright'}, here it is not; "
+            "that is right only where the laser has been turned since"
+        )
+    shift_m = math.hypot(made.mount.x_m - here.mount.x_m, made.mount.y_m - here.mount.y_m)
+    turn_rad = abs(math.remainder(made.mount.yaw_rad - here.mount.yaw_rad, 2.0 * math.pi))
+    if shift_m > SAME_MOUNT_M or turn_rad > SAME_MOUNT_RAD:
+        notes.append(
+            f"{name} was made with another mount of the laser, {shift_m:.2f} m and {math.degrees(turn_rad):.1f} deg "
+            "from the one here; landmarks do not depend on it, if both are right"
+        )
+    if made.front_end != here.front_end or made.view != here.view:
+        differing = [
+            key
+            for table in ("front_end", "view")
+            for key, value in getattr(made, table).model_dump().items()
+            if getattr(here, table).model_dump()[key] != value
+        ]
+        notes.append(f"{name} was made with other settings of the sensor: {', '.join(differing)}")
+    return Fitness("", tuple(notes))
+
+
+def findings(saved: SavedMap) -> list[str]:
+    """What in a map is suspicious, a sentence each."""
+    landmarks = saved.joint.landmarks
+    found = []
+    widest = np.sqrt(np.maximum(np.linalg.eigvalsh(landmarks.covariances_m2)[:, -1], 0.0))
+    vague = int((widest > LARGEST_SIGMA_M).sum())
+    if vague:
+        found.append(f"landmarks known to no better than {LARGEST_SIGMA_M:g} m: {vague}; a loop was never closed")
+    if len(saved.joint.block_m2) and np.linalg.eigvalsh(saved.joint.block_m2)[0] < -1e-6:
+        found.append("the covariance of its landmarks is not positive: errors that it claims are impossible")
+    twins = _twins(landmarks.means_m)
+    if twins:
+        found.append(f"landmarks less than {TWINS_M:g} m apart, where one thing may be in it twice: {twins} pairs")
+    return found
+
+
+def distance_outside(saved: SavedMap, pose: Pose2) -> float:
+    """Metres from a pose to the nearest landmark."""
+    gaps = saved.joint.means_m - (pose.x_m, pose.y_m)
+    return float(np.hypot(gaps[:, 0], gaps[:, 1]).min())
+
+
+def _twins(points_m: np.ndarray) -> int:
+    from scipy.spatial import cKDTree  # slow to import, and only this asks for it
+
+    return len(cKDTree(points_m).query_pairs(TWINS_M))

@@ -1,0 +1,139 @@
+"""A saved map in bytes: one line with format and size, a header in JSON, arrays, and a sha256 over all of it."""
+
+import hashlib
+import json
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from runtime.errors import NotAMapError
+from slam.joint.atlas import PARENTS
+from slam.joint.window import ORPHAN
+from slam.maps.joint_map import JointMap
+
+MAGIC, FORMAT = b"INFANTMAP", 1
+SHA_BYTES = 32
+FIRST_LINE_BYTES = 64
+LEAST_LANDMARKS = 2  # fewer leave the heading open
+SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
+    "identities": ("<i8", ("L",)),
+    "log_odds": ("<f8", ("L",)),
+    "looks": ("<f8", ("L",)),
+    "finds": ("<f8", ("L",)),
+    "missed": ("|b1", ("L",)),
+    "means_m": ("<f8", ("L", 2)),
+    "covariances_m2": ("<f8", ("L", 2, 2)),
+    "parents": ("<i8", ("L", PARENTS)),
+    "weights": ("<f8", ("L", 2, 2 * PARENTS)),
+    "residuals": ("<f8", ("L", 2, 2)),
+    "block_m2": ("<f8", ("S", "S")),
+    "after_miss": ("<f8", (2,)),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class MapFacts:
+    """Where a map comes from. configuration_text: of the drive that made it; runs: all drives that are in it, oldest
+    first; predecessor: sha256 of the file that the last of them began in, "" if it began without one.
+    """
+
+    created_utc: str
+    configuration_text: str
+    runs: tuple[str, ...]
+    frame: str = "map"
+    rover: str = ""
+    predecessor: str = ""
+    slam_sources: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SavedMap:
+    """A map with its origin; sha256: of its file, hexadecimal."""
+
+    joint: JointMap
+    facts: MapFacts
+    sha256: str = field(default="")
+
+
+def encode_map(joint: JointMap, facts: MapFacts) -> bytes:
+    """The bytes of a file."""
+    arrays = [np.ascontiguousarray(array, dtype=SHAPES[name][0]) for name, array in joint.arrays.items()]
+    header = {
+        "scans": joint.scans,
+        "landmarks": len(joint),
+        "in_state": joint.in_state,
+        "created_utc": facts.created_utc,
+        "frame": facts.frame,
+        "rover": facts.rover,
+        "runs": list(facts.runs),
+        "predecessor": facts.predecessor,
+        "slam_sources": facts.slam_sources,
+        "configuration_sha256": hashlib.sha256(facts.configuration_text.encode()).hexdigest(),
+        "configuration": facts.configuration_text,
+        "arrays": list(joint.arrays),
+    }
+    body = json.dumps(header).encode() + b"\n" + b"".join(array.tobytes() for array in arrays)
+    line = MAGIC + b" %d " % FORMAT
+    size = len(line) + 21 + len(body) + SHA_BYTES
+    data = line + b"%020d\n" % size + body
+    return data + hashlib.sha256(data).digest()
+
+
+def decode_map(data: bytes, name: str) -> SavedMap:
+    """Back again. Raises NotAMapError with one sentence that says what is wrong with the file called `name`."""
+    if not data:
+        raise NotAMapError(f"{name} is empty; save the map again with infant map save")
+    line, newline, _ = data[:FIRST_LINE_BYTES].partition(b"\n")
+    words = line.split(b" ")
+    if words[0] != MAGIC or not newline or len(words) != 3 or not all(word.isdigit() for word in words[1:]):
+        if MAGIC.startswith(data[: len(MAGIC)]) or words[0] == MAGIC:
+            raise NotAMapError(f"{name} is cut off or damaged in its first line; take another copy of the map")
+        raise NotAMapError(f"{name} is no map of infant; give a file that infant map save has written")
+    version, size = int(words[1]), int(words[2])
+    if len(data) < size:
+        raise NotAMapError(f"{name} is cut off: it has {len(data)} of {size} bytes; take another copy of the map")
+    if len(data) > size or hashlib.sha256(data[:-SHA_BYTES]).digest() != data[-SHA_BYTES:]:
+        raise NotAMapError(f"{name} is damaged: its sha256 is not the one it was written with; take another copy")
+    if version != FORMAT:
+        raise NotAMapError(f"{name} has format {version}, this release reads {FORMAT}; use the release that wrote it")
+    header_line, _, payload = data[len(line) + 1 : -SHA_BYTES].partition(b"\n")
+    try:
+        header = json.loads(header_line)
+        joint = _decode_joint(header, payload)
+        facts = MapFacts(
+            header["created_utc"],
+            header["configuration"],
+            tuple(header["runs"]),
+            header["frame"],
+            header["rover"],
+            header["predecessor"],
+            header["slam_sources"],
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        raise NotAMapError(f"{name} cannot be read as a map ({error}); take another copy of the map") from error
+    return SavedMap(joint, facts, hashlib.sha256(data).hexdigest())
+
+
+def _decode_joint(header: dict[str, Any], payload: bytes) -> JointMap:
+    """Raises ValueError where the arrays do not make a map."""
+    sizes = {"L": int(header["landmarks"]), "S": 2 * int(header["in_state"])}
+    arrays: dict[str, Any] = {}
+    offset = 0
+    for name in header["arrays"]:
+        kind, symbols = SHAPES[name]
+        shape = tuple(sizes[size] if isinstance(size, str) else size for size in symbols)
+        count = int(np.prod(shape))
+        arrays[name] = np.frombuffer(payload, kind, count, offset).reshape(shape).copy()
+        offset += arrays[name].nbytes
+    if offset != len(payload) or arrays.keys() != SHAPES.keys():
+        raise ValueError("its arrays are not those that its header lists")
+    joint = JointMap(**arrays, scans=int(header["scans"]))
+    numbers = np.arange(len(joint))[:, None]
+    if not ((joint.parents >= ORPHAN) & (joint.parents < numbers)).all():
+        raise ValueError("a landmark hangs on one that comes after it")
+    if not all(np.isfinite(array).all() for array in arrays.values()):
+        raise ValueError("a number in it is not finite")
+    if len(np.unique(joint.identities)) != len(joint):
+        raise ValueError("two of its landmarks have one name")
+    return joint

@@ -1,0 +1,72 @@
+"""infant map save: the map that a run has made, in a file of its own."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import UsageError
+from runtime.maps.map_file import LEAST_LANDMARKS, MapFacts, encode_map
+from runtime.maps.map_store import refuse_taken, write_new_map
+from runtime.record.reader import RunReader
+from runtime.replay.replay import replay
+from runtime.settings.configuration import Configuration, load_configuration_text
+from slam.estimator import Estimator
+from slam.kernel_cache import sources_hash
+from slam.settings.slam import SlamSettings
+
+
+def save_run(run: Path, out: Path, progress: Callable[[float], None]) -> dict[str, Any]:
+    """The command: replay the run up to its end, and write the map that the filter has then.
+
+    Raises NotARunError, RunExistsError, StorageError, ConfigurationError, and UsageError where there is no map.
+    """
+    began_s = time.monotonic()
+    refuse_taken(out)  # before the work and not only after it
+    reader = RunReader(run)
+    configuration = load_configuration_text(reader.header.configuration_text, source=f"configuration of {run}")
+    made: list[Estimator] = []
+
+    def estimator(settings: SlamSettings, seed: int) -> Estimator:
+        made.append(Estimator(settings, seed))
+        return made[-1]
+
+    result = replay(reader, configuration, progress=progress, estimator_factory=estimator)
+    joint = made[0].joint_map()
+    if len(joint) < LEAST_LANDMARKS:
+        raise UsageError(f"{run} has {len(joint)} confirmed landmarks: too few to find a pose in; drive farther")
+    data = encode_map(joint, facts_of(configuration, (run.resolve().name,)))
+    write_new_map(out, data)
+    return {
+        "run": str(run),
+        "out": str(out),
+        "landmarks": len(joint),
+        "bytes": len(data),
+        "defects": result.defects,
+        "truncated": result.truncated or None,
+        "seconds": round(time.monotonic() - began_s, 2),
+    }
+
+
+def facts_of(configuration: Configuration, runs: tuple[str, ...], before: MapFacts | None = None) -> MapFacts:
+    """The origin of a map that is written now; before: of the map that its last drive began in."""
+    facts = MapFacts(
+        created_utc=f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}",
+        configuration_text=configuration.text,
+        runs=runs,
+        rover=configuration.rover,
+        slam_sources=sources_hash(),
+    )
+    return facts if before is None else replace(facts, runs=(*before.runs, *runs), frame=before.frame)
+
+
+def save_lines(summary: dict[str, Any]) -> list[str]:
+    """The summary for a person."""
+    lines = [f"map       {summary['out']}  {summary['landmarks']} landmarks, {summary['bytes'] / 1e3:.0f} kB"]
+    if summary["truncated"]:
+        lines.append(f"note      {summary['truncated']}")
+    if summary["defects"]:
+        lines.append(f"note      {summary['defects']} steps of the filter raised an error; their scans are left out")
+    return lines

@@ -1,0 +1,78 @@
+"""A map of another sensor is refused, one of another mount is taken with a sentence; what is suspicious is named."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.errors import ConfigurationError
+from runtime.maps.fitness import distance_outside, findings, suits
+from runtime.maps.info import check_lines, check_map, info_lines, map_info
+from runtime.maps.map_file import SavedMap, encode_map
+from runtime.settings.configuration import load_configuration_text
+from slam.pose import Pose2
+from tests.support.runtime.small_maps import FACTS, map_bytes, small_map
+
+SAVED = SavedMap(small_map(), FACTS)
+
+
+def notes_for(text: str) -> tuple[str, ...]:
+    fitness = suits(SAVED, "hall.map", load_configuration_text(text))
+    assert fitness.refusal == ""
+    return fitness.notes
+
+
+def test_the_rover_that_made_a_map_may_use_it() -> None:
+    assert notes_for("[slam.mount]\nx_m = 0.3\n") == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("[slam.mount]\nx_m = -0.2\n", "0.50 m and 0.0 deg"),
+        ("[slam.mount]\nx_m = 0.3\nyaw_rad = 3.14159\n", "180.0 deg"),
+        ("[slam.mount]\nx_m = 0.3\nupside_down = true\n", "upright, here it is not"),
+        ("[slam.mount]\nx_m = 0.3\n[slam.view]\nrange_max_m = 4.0\n", "range_max_m"),
+    ],
+)
+def test_what_differs_is_said(text: str, why: str) -> None:
+    (note,) = notes_for(text)
+    assert why in note
+
+
+def test_a_map_of_another_kind_of_sensor_is_refused(tmp_path: Path) -> None:
+    given = "[slam.front_end]\nkind = 'given'\n"
+    assert "slam.front_end.kind = robust, here given" in suits(SAVED, "x", load_configuration_text(given)).refusal
+    (tmp_path / "hall.map").write_bytes(map_bytes())
+    (tmp_path / "other.toml").write_text(given)
+    with pytest.raises(ConfigurationError, match="another kind of sensor"):
+        check_map(tmp_path / "hall.map", tmp_path / "other.toml")
+
+
+def test_twins_and_vague_landmarks_are_found() -> None:
+    assert findings(SAVED) == []
+    joint = small_map()
+    means = joint.means_m.copy()
+    means[3] = means[7] + 0.05
+    vague = joint.covariances_m2.copy()
+    vague[20:25] *= 1e4
+    found = findings(SavedMap(replace(joint, means_m=means, covariances_m2=vague), FACTS))
+    assert [sentence.partition(": ")[2][0] for sentence in found] == ["5", "1"]
+
+
+def test_how_far_a_pose_lies_outside() -> None:
+    x, y = SAVED.joint.means_m[0]
+    assert distance_outside(SAVED, Pose2(x + 0.3, y + 0.4)) <= 0.5
+    assert distance_outside(SAVED, Pose2(500.0, 0.0)) > 440.0
+
+
+def test_what_a_map_holds_is_shown(tmp_path: Path) -> None:
+    path = tmp_path / "hall.map"
+    path.write_bytes(encode_map(small_map(), replace(FACTS, predecessor="ab" * 32)))
+    facts = map_info(path)
+    assert facts["landmarks"] == 40
+    assert facts["runs"] == ["monday"]
+    assert np.all(np.array(facts["low_m"]) < facts["high_m"])
+    assert any("40" in line for line in info_lines(facts))
+    assert check_lines(check_map(path, None)) == [f"whole     {path}: 40 landmarks, sha256 {facts['sha256']}"]

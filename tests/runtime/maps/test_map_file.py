@@ -1,0 +1,140 @@
+"""A saved map comes back as it was; one that is not as it was is refused in one sentence that says why."""
+
+import os
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.errors import NotAMapError, RunExistsError, StorageError
+from runtime.maps import map_store
+from runtime.maps.map_file import decode_map, encode_map
+from runtime.maps.map_store import read_map, write_new_map, write_successor
+from tests.support.runtime.small_maps import FACTS, map_bytes, small_map
+
+
+def test_a_map_comes_back_as_it_was() -> None:
+    saved = decode_map(map_bytes(), "hall.map")
+    assert saved.facts == FACTS
+    assert saved.joint.digest() == small_map().digest()
+    assert encode_map(saved.joint, saved.facts) == map_bytes()
+
+
+def test_a_thousand_landmarks_fit_into_two_megabytes() -> None:
+    assert len(encode_map(small_map(1000, 150), FACTS)) < 2e6
+
+
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (lambda _: b"", "is empty"),
+        (lambda _: b"P5\n3 3\n255\n123456789", "is no map of infant"),
+        (lambda _: os.urandom(4000), "is no map of infant"),
+        (lambda data: data[:5], "is cut off"),
+        (lambda data: data[:20], "is cut off"),
+        (lambda data: data[:1000], "is cut off: it has 1000 of"),
+        (lambda data: data[:-1], "is cut off"),
+        (lambda data: data + b"\n", "is damaged"),
+    ],
+)
+def test_what_is_no_whole_map_is_refused(spoil: "object", why: str, tmp_path: Path) -> None:
+    path = tmp_path / "hall.map"
+    path.write_bytes(spoil(map_bytes()))  # type: ignore[operator]
+    with pytest.raises(NotAMapError, match=why):
+        read_map(path)
+
+
+def test_every_flipped_byte_is_noticed() -> None:
+    data = map_bytes(6)
+    for at in range(0, len(data), 7):
+        spoilt = bytearray(data)
+        spoilt[at] ^= 0x10
+        with pytest.raises(NotAMapError, match=r"hall\.map (is|has|cannot)"):
+            decode_map(bytes(spoilt), "hall.map")
+
+
+def test_a_newer_format_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr("runtime.maps.map_file.FORMAT", 2)
+        newer = map_bytes()
+    with pytest.raises(NotAMapError, match="has format 2, this release reads 1"):
+        decode_map(newer, "hall.map")
+
+
+@pytest.mark.parametrize(("landmarks", "why"), [(0, "holds no landmark"), (1, "holds one landmark")])
+def test_a_map_too_small_to_find_a_pose_in_is_refused(landmarks: int, why: str, tmp_path: Path) -> None:
+    (tmp_path / "hall.map").write_bytes(map_bytes(landmarks))
+    with pytest.raises(NotAMapError, match=why):
+        read_map(tmp_path / "hall.map")
+
+
+def test_a_map_that_is_not_there_or_is_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(NotAMapError, match="does not exist"):
+        read_map(tmp_path / "hall.map")
+    with pytest.raises(NotAMapError, match="cannot be read"):
+        read_map(tmp_path)
+
+
+def test_a_map_is_never_overwritten_and_nothing_is_left_behind(tmp_path: Path) -> None:
+    path = tmp_path / "hall.map"
+    write_new_map(path, b"old")
+    with pytest.raises(RunExistsError, match="never overwritten"):
+        write_new_map(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_rovers_that_write_at_once_each_get_a_map_of_their_own(tmp_path: Path) -> None:
+    path = tmp_path / "hall.map"
+    path.write_bytes(b"read")
+    written: list[Path] = []
+    rovers = [threading.Thread(target=lambda k=k: written.append(write_successor(path, b"%d" % k))) for k in range(8)]
+    for rover in rovers:
+        rover.start()
+    for rover in rovers:
+        rover.join()
+    assert sorted(written) == sorted(tmp_path / f"hall-{number}.map" for number in range(2, 10))
+    assert sorted(each.read_bytes() for each in written) == [b"%d" % number for number in range(8)]
+    assert path.read_bytes() == b"read"
+    assert write_successor(tmp_path / "hall-4.map", b"") == tmp_path / "hall-10.map"
+
+
+def test_a_full_disk_leaves_nothing_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(map_store, "atomic_write", full)
+    with pytest.raises(StorageError, match="No space left on device"):
+        write_new_map(tmp_path / "hall.map", b"new")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_card_without_hard_links_holds_maps_as_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_links(*_: object) -> None:
+        raise OSError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", no_links)
+    write_new_map(tmp_path / "hall.map", b"new")
+    with pytest.raises(RunExistsError):
+        write_new_map(tmp_path / "hall.map", b"other")
+    assert [each.read_bytes() for each in tmp_path.iterdir()] == [b"new"]
+
+
+def test_a_folder_that_may_not_be_written_is_named(tmp_path: Path) -> None:
+    with pytest.raises(StorageError, match="cannot be written"):
+        write_new_map(tmp_path / "absent" / "hall.map", b"new")
+
+
+def test_arrays_that_do_not_fit_each_other_are_refused() -> None:
+    joint = small_map()
+    parents = joint.parents.copy()
+    parents[20, 0] = 30
+    wrong = small_map()
+    object.__setattr__(wrong, "parents", parents)
+    with pytest.raises(NotAMapError, match="hangs on one that comes after it"):
+        decode_map(encode_map(wrong, FACTS), "hall.map")
+    nowhere = small_map()
+    object.__setattr__(nowhere, "means_m", np.full_like(joint.means_m, np.nan))
+    with pytest.raises(NotAMapError, match="not finite"):
+        decode_map(encode_map(nowhere, FACTS), "hall.map")
