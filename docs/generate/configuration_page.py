@@ -46,7 +46,7 @@ TASKS = {
     "Which vehicle is it?": ("vehicle", "slam.odometry"),
     "How is it recorded?": ("record", "data_set"),
     "How is it published and drawn?": ("publish", "review"),
-    "Which place is it in?": ("slam.front_end", "slam.view", "slam.quality"),
+    "Which place is it in?": ("slam.front_end", "slam.view", "slam.quality", "map"),
     "For studies, and without a rover": (
         "slam",
         "slam.techniques",

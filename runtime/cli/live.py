@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from runtime.cli.maps import BeginIn, LocaliseOnly, StartAt
 from runtime.cli.progress import AsJson, busy
 
 Config = Annotated[Path, typer.Option("--config", help="TOML file; config/mock.toml drives the simulated rover")]
@@ -27,12 +28,16 @@ def run(
     out: Out = None,
     seed: Seed = None,
     set_: Set = None,
+    map_: BeginIn = None,
+    localise_only: LocaliseOnly = False,
+    start_at: StartAt = None,
     as_json: AsJson = False,
 ) -> None:
     """Run live: sensors in, pose out, everything recorded. Ctrl-C ends it and keeps everything."""
     from runtime.live.clock import MonotonicClock
     from runtime.live.run import Host, run_live
     from runtime.live.summary import summary_lines
+    from runtime.map_files.start import choose_start
     from runtime.record.folder import RunFolder
     from runtime.service.systemd import ServiceManager
     from runtime.settings.configuration import load_configuration
@@ -48,10 +53,13 @@ def run(
             configuration = load_configuration(config, {**overrides, "simulation.world.seed": str(seed)})
         duration = SIMULATED_DURATION_S if duration is None else duration
     validate_for_live_run(configuration, str(config))
+    start = choose_start(map_, localise_only, start_at, configuration)
+    for note in () if start is None else start.notes:
+        typer.echo(f"infant: {note}", err=True)
     stop = stop_on_signals()
     folder = RunFolder.create(out, Path(configuration.record.folder))
     manager = ServiceManager(os.environ.get("NOTIFY_SOCKET", ""))
-    summary = run_live(configuration, folder, Host(MonotonicClock(), stop, sys.stderr, manager), duration)
+    summary = run_live(configuration, folder, Host(MonotonicClock(), stop, sys.stderr, manager), duration, start=start)
     if as_json:
         typer.echo(json.dumps(summary))
     else:

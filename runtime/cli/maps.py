@@ -10,6 +10,12 @@ from runtime.cli.progress import AsJson, progress_bar
 
 Map = Annotated[Path, typer.Argument(metavar="MAP", help="file of a saved map", show_default=False)]
 
+BeginIn = Annotated[Path | None, typer.Option("--map", metavar="MAP", help="saved map to begin in; never altered")]
+LocaliseOnly = Annotated[bool, typer.Option("--localise-only", help="only find the pose in it: no new map is written")]
+StartAt = Annotated[
+    str | None, typer.Option("--start-at", metavar="X,Y,YAW", help="where in the map the rover stands, m and rad")
+]
+
 
 def save(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run", show_default=False)],

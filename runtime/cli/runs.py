@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from runtime.cli.maps import BeginIn, LocaliseOnly, StartAt
 from runtime.cli.progress import AsJson, busy, progress_bar
 from runtime.errors import InfantError
 
@@ -37,13 +38,19 @@ def replay(
         list[str] | None,
         typer.Option("--without", metavar="TECHNIQUE", help="switches one off: difference, sparse, density, ..."),
     ] = None,
+    map_: BeginIn = None,
+    localise_only: LocaliseOnly = False,
+    start_at: StartAt = None,
     allow_defects: AllowDefects = False,
     as_json: AsJson = False,
 ) -> None:
     """Run the filter over a recorded run again, as fast as it can."""
+    from runtime.map_files import start
     from runtime.replay.replay import replay_lines, replay_run
 
-    result = replay_run(run, config, out, verify, replay_overrides(set_, without, seed), progress_bar("replay"))
+    begin = start.BeginIn(map_, localise_only, start_at)
+    overrides = replay_overrides(set_, without, seed)
+    result = replay_run(run, config, out, verify, overrides, progress_bar("replay"), begin)
     typer.echo(json.dumps(result) if as_json else "\n".join(replay_lines(result)))
     _end_with_defects(result["defects"], allow_defects)
     if verify and not result["identical"]:

@@ -12,6 +12,7 @@ from drivers.wheels.encoders import BACKOFF_MAX_S, CanEncoders
 from runtime.errors import ConfigurationError
 from runtime.live.clock import Clock
 from runtime.live.drawing_process import ReviewProcess
+from runtime.map_files.start import RunStart
 from runtime.publish.publisher import ZenohPublisher
 from runtime.record.folder import RunFolder
 from runtime.record.header import RunHeader, installed_versions
@@ -81,8 +82,10 @@ class Parts:
             self.rover.close()
 
 
-def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock) -> Parts:
+def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock, start: RunStart | None = None) -> Parts:
     """Drivers and sinks of a live run, not started yet; where one cannot be made the others are closed again.
+
+    start: the map that the run begins in, which its record must hold.
 
     Raises ConfigurationError when a sensor is not configured, SensorError when the simulation does not start.
     """
@@ -90,7 +93,7 @@ def live_parts(configuration: Configuration, folder: RunFolder, clock: Clock) ->
         absent = "laser" if configuration.laser is None else "encoders"
         raise ConfigurationError(f"{absent}: missing; a live run needs the tables [laser] and [encoders]")
     with ExitStack() as made:
-        parts = _made_parts(configuration, configuration.laser, configuration.encoders, folder, clock, made)
+        parts = _made_parts(configuration, configuration.laser, configuration.encoders, folder, clock, start, made)
         made.pop_all()  # all is well: closing is now up to the parts
     return parts
 
@@ -101,6 +104,7 @@ def _made_parts(
     encoders: EncoderSettings,
     folder: RunFolder,
     clock: Clock,
+    start: RunStart | None,
     made: ExitStack,
 ) -> Parts:
     rover = drawing = None
@@ -112,7 +116,10 @@ def _made_parts(
         drawing = ReviewProcess(folder.review_path, configuration.review, configuration.slam.mount)
         made.callback(drawing.close)
     threads = ThreadWatch(clock.now_ns)
-    header = RunHeader.of_live_run(configuration.text, installed_versions())
+    if start is not None:
+        start.keep_in(folder)
+    began = None if start is None else start.metadata
+    header = RunHeader.of_live_run(configuration.text, installed_versions(), began)
     recorder = Recorder(folder, header, configuration.record, [] if drawing is None else [drawing], threads)
     made.callback(recorder.close)
     publisher = ZenohPublisher(configuration.publish, configuration.rover, configuration_text=configuration.text)

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TextIO
 
 from drivers.measurements import Event, SensorState
@@ -14,6 +15,8 @@ from runtime.live.parts import Parts, live_parts
 from runtime.live.stage_clock import StageClock
 from runtime.live.status_line import StatusLine, state_text, status_text
 from runtime.live.summary import ErrorTrack, summarise
+from runtime.map_files.end import end_in_map
+from runtime.map_files.start import RunStart, for_estimator
 from runtime.record.folder import RunFolder
 from runtime.service.realtime import enter_real_time, freeze_garbage, leave_real_time
 from runtime.service.systemd import ServiceManager, WatchdogFeed
@@ -43,18 +46,23 @@ def run_live(
     folder: RunFolder,
     host: Host,
     duration_s: float | None = None,
-    make_parts: MakeParts = live_parts,
+    make_parts: MakeParts | None = None,
+    start: RunStart | None = None,
 ) -> dict[str, Any]:
-    """Run until `host.stop` or the duration, write everything, and return the summary (also kept as summary.json)."""
-    parts = make_parts(configuration, folder, host.clock)
+    """Run until `host.stop` or the duration, write everything, and return the summary (also kept as summary.json).
+
+    start: the saved map that the run begins in; what it adds goes into a new one at the end.
+    """
+    parts = (make_parts or partial(live_parts, start=start))(configuration, folder, host.clock)
     stages, errors = StageClock(host.clock), ErrorTrack()
     watch = Watch(host, parts, configuration.loop.rate_hz)
     try:
         events = watch.enter(RunState.STARTING)
         load_kernels(configuration.slam)
+        estimator = Estimator(configuration.slam, configuration.seed, stages.mark, start=for_estimator(start))
         loop = Loop(
             stages,
-            Estimator(configuration.slam, configuration.seed, stages.mark),
+            estimator,
             Inputs(parts.laser, parts.encoders, parts.drain_events, parts.truth),
             Outputs({**parts.sinks, "errors": errors}, watch.monitor, watch),
             round(1e9 / configuration.loop.rate_hz),
@@ -68,6 +76,7 @@ def run_live(
         events += watch.enter(RunState.READY)
         start_ns = host.clock.now_ns() + LEAD_NS
         parts.start_world(start_ns)
+        events += () if start is None else (start.event(start_ns),)
         host.manager.ready()
         loop.run(start_ns, host.stop, None if duration_s is None else round(duration_s * 1e9), events)
         summary = summarise(str(folder.path), loop.timekeeping, errors, parts.sensor_health())
@@ -78,6 +87,8 @@ def run_live(
         watch.line.close()
         parts.close()
         host.manager.close()
+    if start is not None:
+        summary["map"] = end_in_map(estimator.joint_map(), start, configuration, folder)
     folder.write_summary(summary)
     return summary
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from drivers.measurements import SensorHealth
 from runtime.live.timekeeping import Timekeeping
+from runtime.map_files.end import end_lines
 from runtime.sensor_report import sensor_lines, sensor_object
 from runtime.service.memory import resident_mb
 from runtime.tick import CompletedTick, SinkHealth
@@ -106,5 +107,6 @@ def summary_lines(summary: dict[str, Any]) -> list[str]:
             f"error     odometry alone {summary['odometry_rms_m']:.3f} m, SLAM {summary['slam_rms_m']:.3f} m "
             f"(RMS against the simulator's truth; SLAM at most {summary['slam_max_m']:.3f} m)"
         )
+    lines += end_lines(summary["map"]) if "map" in summary else []
     lines.append(f"run       {summary['run']}")
     return lines

@@ -11,9 +11,9 @@ import numpy as np
 from drivers.measurements import FloatArray
 from runtime.atomic_write import atomic_write
 from runtime.errors import StorageError, UsageError
+from runtime.map_files.map_store import read_map
 from runtime.maps.grid_files import map_server_yaml, pgm
 from runtime.maps.landmark_files import landmark_csv, landmark_geojson
-from runtime.maps.map_store import read_map
 from runtime.maps.picture import map_png, need_pictures
 from runtime.maps.placed_scans import PlacedScans
 from runtime.record.reader import RunReader

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import ConfigurationError
-from runtime.maps.fitness import findings, suits
-from runtime.maps.map_store import read_map
+from runtime.map_files.fitness import findings, suits
+from runtime.map_files.map_store import read_map
 from runtime.settings.configuration import load_configuration
 
 

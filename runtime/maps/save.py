@@ -2,19 +2,18 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.maps.map_file import LEAST_LANDMARKS, MapFacts, encode_map
-from runtime.maps.map_store import refuse_taken, write_new_map
+from runtime.map_files.end import facts_of
+from runtime.map_files.map_file import LEAST_LANDMARKS, encode_map
+from runtime.map_files.map_store import refuse_taken, write_new_map
+from runtime.map_files.start import for_estimator, recorded_start
 from runtime.record.reader import RunReader
 from runtime.replay.replay import replay
-from runtime.settings.configuration import Configuration, load_configuration_text
+from runtime.settings.configuration import load_configuration_text
 from slam.estimator import Estimator
-from slam.kernel_cache import sources_hash
 from slam.settings.slam import SlamSettings
 
 
@@ -27,17 +26,18 @@ def save_run(run: Path, out: Path, progress: Callable[[float], None]) -> dict[st
     refuse_taken(out)  # before the work and not only after it
     reader = RunReader(run)
     configuration = load_configuration_text(reader.header.configuration_text, source=f"configuration of {run}")
+    start = recorded_start(reader.header, reader.folder)
     made: list[Estimator] = []
 
     def estimator(settings: SlamSettings, seed: int) -> Estimator:
-        made.append(Estimator(settings, seed))
+        made.append(Estimator(settings, seed, start=for_estimator(start)))
         return made[-1]
 
     result = replay(reader, configuration, progress=progress, estimator_factory=estimator)
     joint = made[0].joint_map()
     if len(joint) < LEAST_LANDMARKS:
         raise UsageError(f"{run} has {len(joint)} confirmed landmarks: too few to find a pose in; drive farther")
-    data = encode_map(joint, facts_of(configuration, (run.resolve().name,)))
+    data = encode_map(joint, facts_of(configuration, (run.resolve().name,), None if start is None else start.saved))
     write_new_map(out, data)
     return {
         "run": str(run),
@@ -48,18 +48,6 @@ def save_run(run: Path, out: Path, progress: Callable[[float], None]) -> dict[st
         "truncated": result.truncated or None,
         "seconds": round(time.monotonic() - began_s, 2),
     }
-
-
-def facts_of(configuration: Configuration, runs: tuple[str, ...], before: MapFacts | None = None) -> MapFacts:
-    """The origin of a map that is written now; before: of the map that its last drive began in."""
-    facts = MapFacts(
-        created_utc=f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}",
-        configuration_text=configuration.text,
-        runs=runs,
-        rover=configuration.rover,
-        slam_sources=sources_hash(),
-    )
-    return facts if before is None else replace(facts, runs=(*before.runs, *runs), frame=before.frame)
 
 
 def save_lines(summary: dict[str, Any]) -> list[str]:

@@ -101,6 +101,8 @@ def recover_run(run: Path, out: RunFolder) -> dict[str, Any]:
     """
     reader = RunReader(run)
     out.write_configuration(reader.header.configuration_text)
+    if reader.folder.start_map_path.is_file():
+        out.write(out.start_map_path, reader.folder.start_map_path.read_bytes())
     writer = RunWriter(out.mcap_path, reader.header.metadata, reader.attachments)
     ticks = 0
     try:

@@ -94,6 +94,16 @@ class RunFolder:
         return self.path / "map.json"
 
     @property
+    def start_map_path(self) -> Path:
+        """A copy of the saved map that the run began in, where it began in one."""
+        return self.path / "start.map"
+
+    @property
+    def grown_map_path(self) -> Path:
+        """What the run made of that map, where it could not be written beside it."""
+        return self.path / "grown.map"
+
+    @property
     def review_path(self) -> Path:
         """The picture of the run; can be made again. Of a long run that was drawn live: its last part."""
         return self.path / "review.rrd"
@@ -141,10 +151,10 @@ class RunFolder:
         """Keep what the command line prints. Raises StorageError."""
         self.write(self.summary_path, json.dumps(summary, indent=2) + "\n")
 
-    def write(self, path: Path, text: str) -> None:
+    def write(self, path: Path, content: str | bytes) -> None:
         """Write a small file of the run whole or not at all. Raises StorageError."""
         try:
-            atomic_write(path, text)
+            atomic_write(path, content)
         except OSError as error:
             raise StorageError(f"{path} cannot be written ({error.strerror}); free space or check the mount") from error
 

@@ -50,7 +50,7 @@ class RunHeader:
     """Facts that hold for a whole run.
 
     wall_minus_monotonic_ns: added to a stamp it gives nanoseconds since 1970; None where the recording does not tell.
-    source: "live", "import NAME" or "replay of NAME".
+    source: "live", "import NAME" or "replay of NAME". start: how it began in a saved map, empty where it began without.
     """
 
     configuration_text: str
@@ -60,13 +60,17 @@ class RunHeader:
     wall_minus_monotonic_ns: int | None = None
     created_utc: str = ""
     configuration_sha256: str = ""
+    start: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def of_live_run(cls, configuration_text: str, versions: Mapping[str, str]) -> "RunHeader":
+    def of_live_run(
+        cls, configuration_text: str, versions: Mapping[str, str], start: Mapping[str, str] | None = None
+    ) -> "RunHeader":
         """The header of a run that starts now on this host."""
         boot_id = BOOT_ID.read_text().strip() if BOOT_ID.exists() else ""
         offset_ns = time.time_ns() - time.monotonic_ns()
-        return cls(configuration_text, "live", versions, boot_id, offset_ns, f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}")
+        created_utc = f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
+        return cls(configuration_text, "live", versions, boot_id, offset_ns, created_utc, start=start or {})
 
     @property
     def is_import(self) -> bool:
@@ -93,6 +97,7 @@ class RunHeader:
                 "created_utc": self.created_utc,
             },
             "versions": dict(self.versions),
+            **({"map": dict(self.start)} if self.start else {}),
         }
 
     @classmethod
@@ -118,4 +123,5 @@ class RunHeader:
             int(offset_ns) if offset_ns else None,
             facts["created_utc"],
             facts["configuration_sha256"],
+            dict(metadata.get("map", {})),
         )

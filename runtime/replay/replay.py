@@ -4,6 +4,7 @@ import dataclasses
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from runtime.errors import UsageError
 from runtime.fault_isolation import defects_line, step_or_predict
 from runtime.importers.mount import mount_of_import
+from runtime.map_files.start import AS_RECORDED, BeginIn, RunStart, for_estimator
 from runtime.messages.estimate import encode_estimate
 from runtime.messages.records import outcome_records
 from runtime.messages.tick import Record
@@ -71,14 +73,18 @@ def replay(
     out: RunFolder | None = None,
     verify: bool = False,
     progress: Progress | None = None,
-    estimator_factory: EstimatorFactory = Estimator,
+    estimator_factory: EstimatorFactory | None = None,
+    start: RunStart | None = None,
 ) -> ReplayResult:
     """Step the estimator over every tick; write a run of its own into `out`; with `verify` compare with the record.
 
+    start: the saved map that it begins in.
+
     Ticks stream through one by one: memory does not grow with the length of the run. Raises StorageError.
     """
-    estimator = estimator_factory(configuration.slam, configuration.seed)
-    writer = _writer(reader, configuration, out)
+    make = estimator_factory or partial(Estimator, start=for_estimator(start))
+    estimator = make(configuration.slam, configuration.seed)
+    writer = _writer(reader, configuration, out, start)
     result = ReplayResult()
     began_ns = time.perf_counter_ns()
     try:
@@ -113,6 +119,7 @@ def replay_run(
     verify: bool,
     overrides: Mapping[str, str],
     progress: Progress | None = None,
+    begin: BeginIn = AS_RECORDED,
 ) -> dict[str, Any]:
     """The command: choose the configuration and where the estimates go, replay, and return its summary.
 
@@ -123,13 +130,16 @@ def replay_run(
     recorded = load_configuration_text(reader.header.configuration_text, source=f"configuration of {run}")
     configuration = _configuration(reader, run, config, overrides)
     if verify:
-        _check_comparable(reader, run, recorded, configuration)
+        _check_comparable(reader, run, recorded, configuration, begin)
+    start = begin.start(reader.header, reader.folder, configuration)
     folder = None
     if out is not None or reader.header.is_import:
         folder = RunFolder.create(out, reader.folder.replays_path)
         folder.write_configuration(configuration.text)
     Estimator.warm_up(configuration.slam)
-    result = replay(reader, configuration, folder, verify, progress)
+    if folder is not None and start is not None:
+        start.keep_in(folder)
+    result = replay(reader, configuration, folder, verify, progress, start=start)
     others = [*other_versions(reader.header.versions), *ignored_settings(reader.header.configuration_text)]
     if result.difference and others:
         result.difference += f" (recorded with other code: {'; '.join(others)})"
@@ -178,15 +188,21 @@ def _configuration(reader: RunReader, run: Path, config: Path | None, overrides:
     return load_configuration_text(reader.header.configuration_text, overrides, f"configuration of {run}")
 
 
-def _check_comparable(reader: RunReader, run: Path, recorded: Configuration, configuration: Configuration) -> None:
+def _check_comparable(
+    reader: RunReader, run: Path, recorded: Configuration, configuration: Configuration, begin: BeginIn
+) -> None:
     """Raises UsageError when the record cannot be what this replay has to give."""
     if reader.header.is_import:
         raise UsageError(f"{run} is imported and has no estimates to verify; replay it, then verify one of its replays")
     if (recorded.slam, recorded.seed) != (configuration.slam, configuration.seed):
         raise UsageError("--verify compares with the record: leave out --config, --set, --without and --seed")
+    if begin != AS_RECORDED:
+        raise UsageError("--verify compares with the record: leave out --map, --localise-only and --start-at")
 
 
-def _writer(reader: RunReader, configuration: Configuration, out: RunFolder | None) -> RunWriter | None:
+def _writer(
+    reader: RunReader, configuration: Configuration, out: RunFolder | None, start: RunStart | None
+) -> RunWriter | None:
     if out is None:
         return None
     header = dataclasses.replace(
@@ -194,6 +210,7 @@ def _writer(reader: RunReader, configuration: Configuration, out: RunFolder | No
         configuration_text=configuration.text,
         source=f"replay of {reader.folder.path.name}",
         versions=installed_versions(),
+        start=start.metadata if start is not None else {},
     )
     return RunWriter(out.mcap_path, header.metadata, reader.attachments)
 

@@ -20,6 +20,7 @@ from drivers.settings.vehicle import VehicleSettings
 from runtime.errors import ConfigurationError
 from runtime.settings.data_set import DataSetSettings
 from runtime.settings.loop import LoopSettings
+from runtime.settings.map import MapSettings
 from runtime.settings.not_keys import HANDED_ON, NOT_KEYS, SHARED, excluded
 from runtime.settings.publish import PublishSettings
 from runtime.settings.record import RecordSettings
@@ -53,6 +54,7 @@ class Configuration(BaseModel):
     record: RecordSettings = RecordSettings()
     publish: PublishSettings = PublishSettings()
     review: ReviewSettings = ReviewSettings()
+    map: MapSettings = MapSettings()
     simulation: SimulationSettings | None = None
     data_set: DataSetSettings | None = None
 

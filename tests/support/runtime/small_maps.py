@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from runtime.maps.map_file import MapFacts, encode_map
+from runtime.map_files.map_file import MapFacts, encode_map
 from runtime.settings.configuration import load_configuration_text
 from slam.maps.joint_map import JointMap
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from runtime.atomic_write import FOLDER_FLAGS, atomic_write, sync_folder
 from runtime.errors import NotAMapError, RunExistsError, StorageError
-from runtime.maps.map_file import LEAST_LANDMARKS, SavedMap, decode_map
+from runtime.map_files.map_file import LEAST_LANDMARKS, SavedMap, decode_map
 
 NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS)  # of a file system without hard links, as on cards
 NUMBERED = re.compile(r"(.*)-(\d+)")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.maps.map_file import SavedMap
+from runtime.map_files.map_file import SavedMap
 from runtime.settings.configuration import Configuration, load_configuration_text
 from slam.pose import Pose2
 

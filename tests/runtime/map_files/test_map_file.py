@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from runtime.errors import NotAMapError, RunExistsError, StorageError
-from runtime.maps import map_store
-from runtime.maps.map_file import decode_map, encode_map
-from runtime.maps.map_store import read_map, write_new_map, write_successor
+from runtime.map_files import map_store
+from runtime.map_files.map_file import decode_map, encode_map
+from runtime.map_files.map_store import read_map, write_new_map, write_successor
 from tests.support.runtime.small_maps import FACTS, map_bytes, small_map
 
 
@@ -56,7 +56,7 @@ def test_every_flipped_byte_is_noticed() -> None:
 
 def test_a_newer_format_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr("runtime.maps.map_file.FORMAT", 2)
+        patch.setattr("runtime.map_files.map_file.FORMAT", 2)
         newer = map_bytes()
     with pytest.raises(NotAMapError, match="has format 2, this release reads 1"):
         decode_map(newer, "hall.map")

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from runtime.errors import ConfigurationError
-from runtime.maps.fitness import distance_outside, findings, suits
+from runtime.map_files.fitness import distance_outside, findings, suits
+from runtime.map_files.map_file import SavedMap, encode_map
 from runtime.maps.info import check_lines, check_map, info_lines, map_info
-from runtime.maps.map_file import SavedMap, encode_map
 from runtime.settings.configuration import load_configuration_text
 from slam.pose import Pose2
 from tests.support.runtime.small_maps import FACTS, map_bytes, small_map
