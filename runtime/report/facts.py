@@ -103,8 +103,9 @@ class RunFacts:
     """All that findings and the page may look at. origin_ns: stamp of the first tick.
 
     imported: recorded by software of others, whose rates and gaps are the recording's own. defects: s since the first
-    tick and reason of every step that raised. stuck_encoders, orientation (of the laser, against the
-    configuration), calibration: what `calibrated` adds; None where `drive` has nothing to calibrate by.
+    tick and reason of every step that raised. stuck_encoders, orientation (of the laser, against the configuration),
+    calibration: what `calibrated` adds; None where `drive` has nothing to calibrate by. known_map: the saved map that
+    the run began in, None where it began without.
     """
 
     name: str
@@ -128,6 +129,7 @@ class RunFacts:
     stuck_encoders: tuple[StuckEncoder, ...] = ()
     orientation: Orientation = AS_BELIEVED
     calibration: Calibration | None = None
+    known_map: LandmarkMap | None = None
 
     @property
     def duration_s(self) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
+from runtime.map_files.changes import map_changes
 from runtime.report.facts import QUALITIES, RunFacts
 from runtime.report.finding import Finding, silences, worst
 from runtime.report.findings.geometry import geometry_rows
@@ -36,6 +37,7 @@ def figures(facts: RunFacts, findings: Sequence[Finding]) -> dict[str, Any]:
         "sensors": _sensors(facts),
         "filter": _filter(facts),
         "landmarks": _landmarks(facts),
+        "map_changes": _map_changes(facts),
         "geometry": [asdict(row) for row in geometry_rows(facts)],
         "events": _events(facts),
         "truncated": facts.truncated or None,
@@ -92,6 +94,15 @@ def _landmarks(facts: RunFacts) -> dict[str, Any]:
         "at_end": int(known[-1]) if known.size else 0,
         "confirmed": 0 if facts.landmarks is None else len(facts.landmarks.identities),
     }
+
+
+def _map_changes(facts: RunFacts) -> dict[str, Any] | None:
+    """None for a run that began without a saved map."""
+    if facts.known_map is None or facts.landmarks is None:
+        return None
+    changes = map_changes(facts.known_map, facts.landmarks)
+    known = len(facts.known_map.identities)
+    return {"known": known, "gone_m": changes.gone_m.round(3).tolist(), "new_m": changes.new_m.round(3).tolist()}
 
 
 def _events(facts: RunFacts) -> dict[str, Any]:

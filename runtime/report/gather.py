@@ -3,15 +3,17 @@
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from drivers.measurements import Event, FloatArray, OdometryPose, Scan, SpeedSteering, WheelCounts
 from runtime.calibrate.drive_data import DriveData
-from runtime.errors import UsageError
+from runtime.errors import NotAMapError, UsageError
 from runtime.evaluate.evaluate import against_data_set, against_simulation, nothing_known
 from runtime.evaluate.truth import DataSetTruth
+from runtime.map_files.start import recorded_start
 from runtime.record.reader import RecordedTick, RunReader
 from runtime.record.trajectories import Trajectories, with_estimates
 from runtime.report.device_clock import DeviceClockReader
@@ -157,6 +159,7 @@ class Gathering:
             accuracy=_accuracy(ticks, self._origin_ns, inputs, configuration),
             imported=inputs.header.is_of_others,
             defects=tuple(self._defects),
+            known_map=_known_map(reader),
         )
 
     def _take_scan(self, beat_ns: int, scan: object, estimate: Estimate | None) -> None:
@@ -185,6 +188,14 @@ class Gathering:
     def _seconds(self, stamp_ns: int) -> float:
         assert self._origin_ns is not None  # set by the first tick
         return (stamp_ns - self._origin_ns) * 1e-9
+
+
+def _known_map(reader: RunReader) -> LandmarkMap | None:
+    """The saved map that the run began in; a review does without a copy that is gone."""
+    with suppress(NotAMapError):
+        start = recorded_start(reader.header, reader.folder)
+        return None if start is None else start.saved.joint.landmarks
+    return None
 
 
 def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, FloatArray]:

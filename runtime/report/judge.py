@@ -8,6 +8,7 @@ from runtime.report.facts import RunFacts
 from runtime.report.finding import Finding, worst
 from runtime.report.findings.geometry import geometry_findings
 from runtime.report.findings.laser import laser_findings
+from runtime.report.findings.map import map_findings
 from runtime.report.findings.pose import pose_findings
 from runtime.report.findings.running import running_findings
 from runtime.report.findings.wheels import wheel_findings
@@ -28,6 +29,7 @@ def judge(facts: RunFacts) -> list[Finding]:
             *geometry_findings(facts),
             *running_findings(facts),
             *pose_findings(facts),
+            *map_findings(facts),
         ]
     )
 

@@ -280,7 +280,7 @@ class JointGaussian:
         near = state.rows_at(places)
         log_odds = atlas.log_odds[near]
         update_existence(self._arrays, places, seen, log_odds, sight, tuning)
-        atlas.log_odds[near] = log_odds
+        atlas.log_odds[near] = np.maximum(log_odds, -tuning.log_odds_max)
         if not tuning.existence:
             return
         bound = np.full(state.count, CONFIRMED_LOG_ODDS)
