@@ -1,24 +1,32 @@
-"""Replaces a file whole or not at all, safe against a loss of power and against links that somebody has planted."""
+"""Replaces a file whole or not at all, safe against a loss of power and against links that somebody has planted.
 
+Root who writes into a folder of another user does so with no more rights than that user has.
+"""
+
+import ctypes
 import errno
 import os
 import secrets
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 FOLDER_FLAGS = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
-NEW_FILE_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+WRITE_FLAGS = os.O_WRONLY | os.O_NOFOLLOW | os.O_CLOEXEC
+NEW_FILE_FLAGS = WRITE_FLAGS | os.O_CREAT | os.O_EXCL
 
 
 def atomic_write(path: Path, content: str | bytes, mode: int | None = None) -> None:
-    """Write text (as UTF-8) or bytes to `path`; whoever reads it sees the old content or the new one.
+    """Write text or bytes to `path`; whoever reads it sees the old content or the new one.
 
+    Text is written as UTF-8; what cannot be, as in names of files, in escapes.
     mode: permissions of the file; by default what the umask leaves of 0o666. Raises OSError, and then nothing is left.
     """
-    data = content.encode() if isinstance(content, str) else content
+    data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
     with _replacing(path) as (folder, name):
-        descriptor = os.open(name, os.O_WRONLY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=folder)
+        descriptor = os.open(name, WRITE_FLAGS, dir_fd=folder)
         with open(descriptor, "wb") as stream:
             if mode is not None:
                 os.fchmod(descriptor, mode)
@@ -31,8 +39,57 @@ def replacement(path: Path) -> Iterator[Path]:
 
     Raises OSError. Whatever is raised inside, the file is removed again and `path` stays as it was.
     """
-    with _replacing(path) as (_, name):
-        yield path.with_name(name)
+    if _is_of_another(path.parent.stat()):  # the library's threads would follow links as root
+        with tempfile.TemporaryDirectory() as private:
+            unfinished = Path(private) / path.name
+            yield unfinished
+            with (
+                _replacing(path) as (folder, name),
+                unfinished.open("rb") as source,
+                open(os.open(name, WRITE_FLAGS, dir_fd=folder), "wb") as target,
+            ):
+                shutil.copyfileobj(source, target)
+        return
+    with _replacing(path) as (folder, name):
+        beside = path.with_name(name)
+        # libraries of other languages take names in UTF-8 only
+        yield beside if str(beside).isascii() or _is_utf8(beside) else Path(f"/proc/self/fd/{folder}/{name}")
+
+
+def _is_utf8(path: Path) -> bool:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+@contextmanager
+def acting_as_owner(folder: Path | int) -> Iterator[None]:
+    """What this thread does to files inside, it does with the rights of the folder's owner where it is root.
+
+    folder: one that exists, by name or descriptor. Raises OSError where those rights cannot be taken.
+    """
+    status = os.stat(folder)
+    if not _is_of_another(status):
+        yield
+        return
+    libc = ctypes.CDLL(None, use_errno=True)
+    try:
+        libc.setfsgid(status.st_gid)
+        libc.setfsuid(status.st_uid)  # of this thread alone, unlike seteuid
+        if libc.setfsuid(-1) != status.st_uid:
+            why = f"root may not act as its owner, user {status.st_uid}; run the command as that user"
+            raise PermissionError(errno.EPERM, why, str(folder))
+        yield
+    finally:
+        libc.setfsuid(os.geteuid())
+        libc.setfsgid(os.getegid())
+
+
+def _is_of_another(status: os.stat_result) -> bool:
+    """Whether we are root, and this is not root's."""
+    return os.geteuid() == 0 and status.st_uid != 0
 
 
 @contextmanager
@@ -41,15 +98,17 @@ def _replacing(path: Path) -> Iterator[tuple[int, str]]:
     folder = os.open(path.parent, FOLDER_FLAGS)
     name = f".{path.name}.{secrets.token_hex(8)}.unfinished"
     try:
-        os.close(os.open(name, NEW_FILE_FLAGS, 0o666, dir_fd=folder))
-        yield folder, name
-        _sync_file(name, folder)
-        os.replace(name, path.name, src_dir_fd=folder, dst_dir_fd=folder)
-        sync_folder(folder)
-    except BaseException:
-        with suppress(OSError):
-            os.unlink(name, dir_fd=folder)
-        raise
+        with acting_as_owner(folder):
+            try:
+                os.close(os.open(name, NEW_FILE_FLAGS, 0o666, dir_fd=folder))
+                yield folder, name
+                _sync_file(name, folder)
+                os.replace(name, path.name, src_dir_fd=folder, dst_dir_fd=folder)
+                sync_folder(folder)
+            except BaseException:
+                with suppress(OSError):
+                    os.unlink(name, dir_fd=folder)
+                raise
     finally:
         os.close(folder)
 
@@ -60,6 +119,12 @@ def _sync_file(name: str, folder: int) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def refuse_link(path: Path) -> None:
+    """Raises OSError where a folder of ours is a link: what is written through it would land in somebody else's."""
+    if path.is_symlink():
+        raise OSError(errno.ELOOP, "it is a link, which nothing is written through", str(path))
 
 
 def sync_folder(folder: int) -> None:

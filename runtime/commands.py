@@ -8,9 +8,11 @@ from collections.abc import Callable
 from enum import StrEnum
 
 from drivers.measurements import Event, Severity
+from runtime.printable import printable
 
 SOURCE = "command"
 LONGEST_REASON = 1000
+LONGEST_BYTES = 4 * LONGEST_REASON  # of as many characters in UTF-8
 MOST_WAITING = 10  # commands that no tick has taken yet: more means that the loop stands
 
 
@@ -44,7 +46,9 @@ class CommandQueue:
 
     def accept(self, command: Command, text: bytes) -> str:
         """Accept one command with its reason in UTF-8; returns why not, "" if it was accepted."""
-        reason = text.decode("utf-8", errors="replace").strip()
+        if len(text) > LONGEST_BYTES:
+            return f"expected a reason of 1 to {LONGEST_REASON} characters, got {len(text)} bytes; say what was seen"
+        reason = printable(text.decode("utf-8", errors="replace").strip(), LONGEST_BYTES)
         if self._stopped:
             return "the recording was stopped; only a new run records again"
         if len(reason) > LONGEST_REASON or (command is Command.MARK and not reason):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from drivers.measurements import Event, SensorHealth, SensorState, Severity
+from runtime.printable import printable
 from runtime.tick import SinkHealth
 from slam.estimate import Estimate, Quality
 
@@ -87,7 +88,7 @@ class HealthMonitor:
         reasons = []
         for name, sink in sinks.items():
             if sink.trouble:
-                reasons.append(f"{name}: {sink.trouble}")
+                reasons.append(printable(f"{name}: {sink.trouble}"))
             elif sink.dropped > self._dropped.get(name, 0):
                 reasons.append(f"{name} drops")
             self._dropped[name] = sink.dropped
@@ -107,7 +108,7 @@ class HealthMonitor:
 def _sensor_reasons(sensors: Mapping[str, SensorHealth]) -> list[str]:
     """Sensors that do not deliver as they should."""
     return [
-        f"{name} {health.state}: {health.reason}"
+        printable(f"{name} {health.state}: {health.reason}")  # a device may say anything
         for name, health in sensors.items()
         if health.state is not SensorState.FRESH
     ]

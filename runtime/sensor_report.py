@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from drivers.measurements import SensorHealth
+from runtime.printable import printable
 
 USUAL = ("scans", "connections", "bus.sessions")  # counters that grow when all is well
 USUAL_PREFIX = "no_range_"  # beams that met nothing
@@ -16,11 +17,11 @@ def sensor_object(sensor: SensorHealth) -> dict[str, Any]:
     figures = {key: round(value, 4) if math.isfinite(value) else None for key, value in sensor.figures.items()}
     return {
         "state": sensor.state.value,
-        "reason": sensor.reason,
+        "reason": printable(sensor.reason),
         "rate_hz": round(sensor.rate_hz, 2),
         "counters": dict(sensor.counters),
         "figures": figures,
-        "facts": dict(sensor.facts),
+        "facts": {key: printable(value) for key, value in sensor.facts.items()},
     }
 
 

@@ -3,14 +3,21 @@
 import os
 import sys
 import traceback
+from contextlib import suppress
 
+for stream in (0, 1, 2):  # where one is closed, the next file that is opened would get its number and its output
+    with suppress(OSError):
+        os.fstat(stream)
+        continue
+    os.open(os.devnull, os.O_RDWR)
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: other thread counts change bits and cost the loop
 os.environ.setdefault("RERUN_ANALYTICS", "off")
 
 import typer
 
 from runtime.cli import install, live, log, maps, rover, runs, studies
-from runtime.errors import InfantError
+from runtime.errors import InfantError, StorageError
+from runtime.printable import printable, printable_lines
 
 app = typer.Typer(
     name="infant",
@@ -34,11 +41,16 @@ def main() -> None:
 
     Anything else is a defect of ours: its traceback is shown, and the exit code is 70.
     """
+    sys.stdout, sys.stderr = (stream or open(os.devnull, "w") for stream in (sys.stdout, sys.stderr))  # noqa: SIM115
     try:
         app()
     except InfantError as error:
-        print(f"infant: {error}", file=sys.stderr)
+        print(f"infant: {printable_lines(str(error))}", file=sys.stderr)
         sys.exit(error.exit_code)
+    except OSError as error:  # a file that may not be read, a disk that fails, a terminal that has gone
+        where = printable(str(error.filename or "a file"))
+        print(f"infant: {where}: {error.strerror or error}; check the file, its disk and the rights", file=sys.stderr)
+        sys.exit(StorageError.exit_code)
     except Exception:  # noqa: BLE001 the service manager has to tell a defect from the rest
         traceback.print_exc()
         sys.exit(InfantError.exit_code)

@@ -1,11 +1,11 @@
 """The command that makes Infant a service: install."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from runtime.cli.output import say, say_json
 from runtime.cli.progress import AsJson
 
 
@@ -34,15 +34,15 @@ def install(
     plan = installation.plan_removal(root, program) if remove else installation.plan_install(root, program, config)
     if as_json:
         files = [{"path": str(each.path), "state": each.state} for each in plan.files]
-        typer.echo(json.dumps({"files": files, "commands": plan.commands, "notes": plan.notes, "dry_run": dry_run}))
+        say_json({"files": files, "commands": plan.commands, "notes": plan.notes, "dry_run": dry_run})
     else:
-        typer.echo("\n".join(installation.plan_lines(plan)))
+        say(*installation.plan_lines(plan))
     if trouble:
         raise PreflightError(trouble)
     if not dry_run:
         installation.apply(plan, installation.execute)
         if not as_json:
-            typer.echo("removed" if remove else "installed")
+            say("removed" if remove else "installed")
 
 
 COMMANDS = (install,)

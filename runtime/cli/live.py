@@ -1,6 +1,5 @@
 """Commands around a live rover: run, sim, check, status, warmup."""
 
-import json
 import os
 import signal
 import sys
@@ -12,6 +11,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.maps import BeginIn, LocaliseOnly, StartAt
+from runtime.cli.output import say, say_json
 from runtime.cli.progress import AsJson, busy
 
 Config = Annotated[Path, typer.Option("--config", help="TOML file; config/mock.toml drives the simulated rover")]
@@ -61,18 +61,20 @@ def run(
     manager = ServiceManager(os.environ.get("NOTIFY_SOCKET", ""))
     summary = run_live(configuration, folder, Host(MonotonicClock(), stop, sys.stderr, manager), duration, start=start)
     if as_json:
-        typer.echo(json.dumps(summary))
+        say_json(summary)
     else:
-        typer.echo("\n".join(summary_lines(summary)))
+        say(*summary_lines(summary))
 
 
 SIMULATED_DURATION_S = 60.0
 
 
 def stop_on_signals() -> threading.Event:
-    """An event that Ctrl-C and SIGTERM set; the handler only sets it, so that every sink can close in order."""
+    """An event that Ctrl-C, SIGTERM and a terminal that goes set; only set, so that every sink can close in order."""
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number is signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
+            continue  # whoever started us with nohup wants us to stay
         signal.signal(number, lambda _number, _frame: stop.set())
     return stop
 
@@ -140,9 +142,9 @@ def check(
         checks.append(each)
         if not as_json:
             remedy = f"; {each.remedy}" if each.remedy else ""
-            typer.echo(f"{each.verdict:4s} {each.name:13s} {each.reason}{remedy}")
+            say(f"{each.verdict:4s} {each.name:13s} {each.reason}{remedy}")
     if as_json:
-        typer.echo(json.dumps({"config": str(config), "sha256": configuration.sha256} | preflight_result(checks)))
+        say_json({"config": str(config), "sha256": configuration.sha256} | preflight_result(checks))
     if worst_result(checks) is CheckResult.FAIL:
         failed = ", ".join(each.name for each in checks if each.verdict is CheckResult.FAIL)
         raise PreflightError(f"not ready to drive: {failed}; the remedy stands beside each")
@@ -160,18 +162,21 @@ def status(
     from runtime.errors import SensorError
     from runtime.publish import status as rovers
 
+    def refused(sentence: str) -> None:
+        say(f"infant: an answer is not believed: {sentence}", err=True)
+
     endpoints = tuple(connect or rovers.ENDPOINTS)
     file = None if zenoh_file is None else str(zenoh_file)
     if watch:
-        answers = rovers.watch_status(endpoints, 1.0, file)
+        answers = rovers.watch_status(endpoints, 1.0, file, refused)
     else:
-        answers = iter([rovers.fetch_status(endpoints, config_file=file)])
+        answers = iter([rovers.fetch_status(endpoints, config_file=file, refused=refused)])
     for statuses in answers:
         if as_json:
-            typer.echo(json.dumps({"rovers": statuses}))
+            say_json({"rovers": statuses})
         elif statuses:
             lines = map(rovers.status_line, statuses) if watch else rovers.status_table(statuses)
-            typer.echo("\n".join(lines))
+            say(*lines)
         if not statuses and not watch:
             raise SensorError(rovers.silence_sentence(endpoints))
 
@@ -189,7 +194,7 @@ def warmup(as_json: AsJson = False) -> None:
     forget_other_versions(cache)
     mark_complete(cache)
     if as_json:
-        typer.echo(json.dumps({"seconds": round(time.monotonic() - began_s, 3), "cache": str(cache)}))
+        say_json({"seconds": round(time.monotonic() - began_s, 3), "cache": str(cache)})
 
 
 COMMANDS = (run, sim, check, status, warmup)

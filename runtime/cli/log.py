@@ -1,12 +1,12 @@
 """Commands on the black box: log info, log verify, log recover, mark."""
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from runtime.cli.output import say, say_json
 from runtime.cli.progress import AsJson, busy
 
 Run = Annotated[Path, typer.Argument(help="folder of a run", show_default=False)]
@@ -18,20 +18,20 @@ def info(run: Run, as_json: AsJson = False) -> None:
 
     facts = run_info(run)
     if as_json:
-        typer.echo(json.dumps(facts))
+        say_json(facts)
         return
-    typer.echo(f"run       {facts['run']}  {facts['source']}  {facts['created_utc']}  {facts['bytes'] / 1e6:.1f} MB")
-    typer.echo(f"manifest  {facts['manifest']}")
+    say(f"run       {facts['run']}  {facts['source']}  {facts['created_utc']}  {facts['bytes'] / 1e6:.1f} MB")
+    say(f"manifest  {facts['manifest']}")
     for segment in facts["segments"]:
         span = "" if segment["from_s"] is None else f"  {segment['from_s']:.1f} to {segment['to_s']:.1f} s"
         ticks = "" if segment["ticks"] is None else f"  {segment['ticks']} ticks"
         marked = "  marked" if segment["marked"] else ""
         size = f"{segment['bytes'] / 1e6:.2f} MB"
-        typer.echo(f"segment   {segment['name']}  {segment['state']}  {size}{ticks}{span}{marked}")
+        say(f"segment   {segment['name']}  {segment['state']}  {size}{ticks}{span}{marked}")
     for name, reason in facts["gone"].items():
-        typer.echo(f"gone      {name}: {reason}")
+        say(f"gone      {name}: {reason}")
     for reason in facts["marks"]:
-        typer.echo(f"mark      {reason}")
+        say(f"mark      {reason}")
 
 
 def verify(run: Run, as_json: AsJson = False) -> None:
@@ -42,12 +42,12 @@ def verify(run: Run, as_json: AsJson = False) -> None:
     with busy("read"):
         found = verify_run(run)
     if as_json:
-        typer.echo(json.dumps({"run": str(run), "whole": not found.damages} | asdict(found)))
+        say_json({"run": str(run), "whole": not found.damages} | asdict(found))
     else:
         for kind, sentences in (("gap", found.gaps), ("damage", found.damages)):
             for sentence in sentences:
-                typer.echo(f"{kind:9s} {sentence}")
-        typer.echo(f"read      {found.ticks} ticks in {found.segments} segment(s), {len(found.gaps)} gap(s)")
+                say(f"{kind:9s} {sentence}")
+        say(f"read      {found.ticks} ticks in {found.segments} segment(s), {len(found.gaps)} gap(s)")
     if found.damages:
         raise StorageError(
             f"{run} is not as it was written ({len(found.damages)} finding(s)); "
@@ -68,11 +68,11 @@ def recover(
     with busy("recover"):
         result = recover_run(run, RunFolder.create(out, out.parent))
     if as_json:
-        typer.echo(json.dumps(result))
+        say_json(result)
         return
     for sentence in result["losses"]:
-        typer.echo(f"lost      {sentence}")
-    typer.echo(f"run       {result['out']}  {result['ticks']} ticks")
+        say(f"lost      {sentence}")
+    say(f"run       {result['out']}  {result['ticks']} ticks")
 
 
 def mark(
@@ -88,10 +88,10 @@ def mark(
     folder = RunFolder.open(run) if run is not None else running_run(runs)
     taken = leave_mark(folder, reason)
     if as_json:
-        typer.echo(json.dumps({"run": str(folder.path), "reason": reason, "taken": taken}))
+        say_json({"run": str(folder.path), "reason": reason, "taken": taken})
     else:
         waits = "" if taken else "  (the recorder has not answered yet; the mark waits)"
-        typer.echo(f"marked    {folder.path}{waits}")
+        say(f"marked    {folder.path}{waits}")
 
 
 COMMANDS = (mark,)

@@ -1,11 +1,11 @@
 """Commands on maps: map save, map info, map check, map draw."""
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from runtime.cli.output import answer
 from runtime.cli.progress import AsJson, progress_bar
 
 Map = Annotated[Path, typer.Argument(metavar="MAP", help="file of a saved map", show_default=False)]
@@ -26,7 +26,7 @@ def save(
     from runtime.maps.save import save_lines, save_run
 
     result = save_run(run, out, progress_bar("save"))
-    typer.echo(json.dumps(result) if as_json else "\n".join(save_lines(result)))
+    answer(result, save_lines(result), as_json)
 
 
 def info(saved: Map, as_json: AsJson = False) -> None:
@@ -34,7 +34,7 @@ def info(saved: Map, as_json: AsJson = False) -> None:
     from runtime.maps.info import info_lines, map_info
 
     facts = map_info(saved)
-    typer.echo(json.dumps(facts) if as_json else "\n".join(info_lines(facts)))
+    answer(facts, info_lines(facts), as_json)
 
 
 def check(
@@ -46,7 +46,7 @@ def check(
     from runtime.maps.info import check_lines, check_map
 
     result = check_map(saved, config)
-    typer.echo(json.dumps(result) if as_json else "\n".join(check_lines(result)))
+    answer(result, check_lines(result), as_json)
 
 
 def draw(
@@ -63,7 +63,7 @@ def draw(
         result = draw_map(source, out, grid)
     else:
         result = draw_run(source, out, resolution if grid else None, progress_bar("draw"))
-    typer.echo(json.dumps(result) if as_json else "\n".join(draw_lines(result)))
+    answer(result, draw_lines(result), as_json)
 
 
 MAP_COMMANDS = (save, info, check, draw)

@@ -1,12 +1,12 @@
 """The command that speaks to a running rover: infant command."""
 
-import json
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from runtime.cli.output import say, say_json
 from runtime.cli.progress import AsJson
 
 
@@ -36,9 +36,9 @@ def command(
     answer = send_command(connect, rover, Command(asked.value), reason, None if zenoh_file is None else str(zenoh_file))
     if as_json:
         said = {"rover": rover, "command": asked.value, "accepted": answer.accepted, "reason": answer.reason}
-        typer.echo(json.dumps(said))
+        say_json(said)
     elif answer.accepted:
-        typer.echo(f"{rover} accepted {asked.value}; the event stands in its log")
+        say(f"{rover} accepted {asked.value}; the event stands in its log")
     if not answer.accepted:
         raise UsageError(f"{rover} refused {asked.value}: {answer.reason}")
 

@@ -1,6 +1,5 @@
 """Commands on a recorded run: replay, import, evaluate, review, compare, view."""
 
-import json
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -9,8 +8,9 @@ from typing import Annotated
 import typer
 
 from runtime.cli.maps import BeginIn, LocaliseOnly, StartAt
+from runtime.cli.output import answer, say, say_json
 from runtime.cli.progress import AsJson, busy, progress_bar
-from runtime.errors import InfantError
+from runtime.errors import InfantError, StorageError
 
 
 class FailOn(StrEnum):
@@ -51,9 +51,12 @@ def replay(
     begin = start.BeginIn(map_, localise_only, start_at)
     overrides = replay_overrides(set_, without, seed)
     result = replay_run(run, config, out, verify, overrides, progress_bar("replay"), begin)
-    typer.echo(json.dumps(result) if as_json else "\n".join(replay_lines(result)))
+    answer(result, replay_lines(result), as_json)
     _end_with_defects(result["defects"], allow_defects)
-    if verify and not result["identical"]:
+    if result["altered"]:
+        altered = "; ".join(result["altered"][:3])
+        raise StorageError(f"{run} is not what was closed ({altered}): see infant log verify")
+    if verify and not (result["identical"] or result["within_tolerance"]):
         sys.exit(1)
 
 
@@ -88,7 +91,7 @@ def import_(
 
     with busy("import"):
         result = import_data_set(source, out, config, at_rest, Topics(scan_topic, odom_topic))
-    typer.echo(json.dumps(result) if as_json else "\n".join(import_lines(result)))
+    answer(result, import_lines(result), as_json)
 
 
 def evaluate(
@@ -104,7 +107,7 @@ def evaluate(
 
     with busy("evaluate"):
         result = evaluation.evaluate(run, truth)
-    typer.echo(json.dumps(result) if as_json else "\n".join(evaluation.evaluation_lines(result)))
+    answer(result, evaluation.evaluation_lines(result), as_json)
     _end_with_defects(result["defects"], allow_defects)
 
 
@@ -127,7 +130,7 @@ def review(
     folder = with_estimates(RunReader(run)).folder
     build_review(folder.path, folder.review_path, progress=progress_bar("draw"))
     report["review"] = str(folder.review_path)
-    typer.echo(json.dumps(report) if as_json else "\n".join([*report_lines(report), f"review    {folder.review_path}"]))
+    answer(report, [*report_lines(report), f"review    {folder.review_path}"], as_json)
     _end_with_defects(report["defects"]["steps"], allow_defects)
     if fail_on is not None and is_as_grave(report, fail_on.value):
         sys.exit(1)
@@ -146,7 +149,7 @@ def compare(
 
     with busy("compare"):
         result = build_comparison(first, second, out)
-    typer.echo(json.dumps(result) if as_json else "\n".join(comparison_lines(result)))
+    answer(result, comparison_lines(result), as_json)
 
 
 def view(
@@ -166,13 +169,13 @@ def view(
     if screenshot is None:
         code = viewer.open_review(folder, web, progress)
         if as_json:
-            typer.echo(json.dumps({"run": str(run), "viewer_exit_code": code}))
+            say_json({"run": str(run), "viewer_exit_code": code})
         return
     reports = viewer.screenshot(folder, screenshot, progress=progress)
     if as_json:
-        typer.echo(json.dumps({"run": str(run), "picture": str(screenshot), "viewer_reports": reports}))
+        say_json({"run": str(run), "picture": str(screenshot), "viewer_reports": reports})
     for report in () if as_json else reports:
-        typer.echo(f"infant: the viewer reports: {report}", err=True)
+        say(f"infant: the viewer reports: {report}", err=True)
 
 
 def calibrate(
@@ -194,13 +197,12 @@ def calibrate(
         result, believed = calibrate_runs(runs, None if config is None else load_configuration(config))
     changed = write_configuration(result, believed.text, write, into) if write is not None else ()
     if as_json:
-        typer.echo(
-            json.dumps(result.as_json() | {"written": None if write is None else str(write), "changed": list(changed)})
-        )
+        written = None if write is None else str(write)
+        say_json(result.as_json() | {"written": written, "changed": list(changed)})
         return
-    typer.echo("\n".join(calibration_lines(result)))
+    say(*calibration_lines(result))
     if write is not None:
-        typer.echo(f"written   {write} ({', '.join(changed) or 'nothing changed'})")
+        say(f"written   {write} ({', '.join(changed) or 'nothing changed'})")
 
 
 COMMANDS = (replay, import_, evaluate, calibrate, review, compare, view)

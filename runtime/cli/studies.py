@@ -1,6 +1,5 @@
 """Commands over many seeds: paper, sweep."""
 
-import json
 import sys
 import tempfile
 from collections.abc import Callable
@@ -11,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from runtime.cli.output import answer, say, say_json
 from runtime.cli.progress import AsJson, progress_bar
 from runtime.errors import UsageError
 from runtime.source_tree import SHARED_DATA
@@ -63,7 +63,7 @@ def paper(
 
         study = places.PlacesStudy(data, repeats, tuple(chosen) or None)
         outcome = places.run_places(study, out, chosen_scheduler(scheduler), job_progress("places"))
-        typer.echo(json.dumps(outcome) if as_json else "\n".join(places.study_lines(outcome)))
+        answer(outcome, places.study_lines(outcome), as_json)
         return
     if chosen:
         raise UsageError(f"{' '.join(chosen)}: only places has sets; leave them out of infant paper {part.value}")
@@ -75,7 +75,7 @@ def paper(
 
     parts = PARTS if part is Part.ALL else (part.value,)
     result = reproduce(Study(parts, seeds, particles), out, chosen_scheduler(scheduler), job_progress("paper"))
-    typer.echo(json.dumps(result) if as_json else "\n".join(study_lines(result)))
+    answer(result, study_lines(result), as_json)
 
 
 def sweep(
@@ -90,7 +90,7 @@ def sweep(
     from runtime.studies import parameter_sweep as sweeping
 
     result = sweeping.sweep(runs, set_ or [], seeds, out, chosen_scheduler(scheduler), job_progress("sweep"))
-    typer.echo(json.dumps(result) if as_json else f"{result['rows']} rows: {result['csv']}, {result['parquet']}")
+    answer(result, [f"{result['rows']} rows: {result['csv']}, {result['parquet']}"], as_json)
 
 
 def chosen_scheduler(word: str) -> str | None:
@@ -127,7 +127,7 @@ def quality(
     first_seed = studies.CALIBRATION_SEED if calibration else studies.EVALUATION_SEED
     size = studies.StudySize(runs, hours, particles, first_seed)
     outcome = studies.study(size, out, studies.code_name(), chosen_scheduler(scheduler), job_progress("quality"))
-    typer.echo(json.dumps(outcome) if as_json else "\n".join(studies.study_lines(outcome)))
+    answer(outcome, studies.study_lines(outcome), as_json)
 
 
 def rate(
@@ -145,7 +145,7 @@ def rate(
     from runtime.studies.rate import measure_rate, rate_lines
 
     measured = measure_rate(config, minutes, hogs, fsync, privileges, set_ or [])
-    typer.echo(json.dumps(measured) if as_json else "\n".join(rate_lines(measured)))
+    answer(measured, rate_lines(measured), as_json)
 
 
 def soak(
@@ -166,7 +166,7 @@ def soak(
     stop = stop_on_signals()
     with tempfile.TemporaryDirectory(prefix="infant-soak-", dir=Path.cwd()) as name:
         measured = drive_long(config, minutes, speed, out or Path(name), set_ or [], stop, sys.stderr)
-    typer.echo(json.dumps(measured) if as_json else "\n".join(soak_lines(measured)))
+    answer(measured, soak_lines(measured), as_json)
 
 
 def bench(as_json: AsJson = False) -> None:
@@ -178,9 +178,9 @@ def bench(as_json: AsJson = False) -> None:
         results.append(asdict(measure))
         if not as_json:
             p99 = f"  p99 {measure.p99:g}" if measure.p99 is not None else ""
-            typer.echo(f"{measure.name:42s} {measure.value:10g} {measure.unit}{p99}")
+            say(f"{measure.name:42s} {measure.value:10g} {measure.unit}{p99}")
     if as_json:
-        typer.echo(json.dumps({"results": results}))
+        say_json({"results": results})
 
 
 COMMANDS = (paper, sweep, quality, rate, soak, bench)

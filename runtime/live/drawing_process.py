@@ -15,7 +15,7 @@ import threading
 import time
 from pathlib import Path
 
-from runtime.messages.pipe import CARRIED, SEGMENT, TOPICS, write_frame
+from runtime.messages.pipe import CARRIED, DRAWN, SEGMENT, write_frame
 from runtime.messages.tick import Record
 from runtime.service.memory import resident_mb
 from runtime.settings.review import ReviewSettings
@@ -58,7 +58,7 @@ class ReviewProcess:
 
     def feed(self, record: Record) -> None:
         """One record, in the order of writing; dropped and counted when the child does not keep up."""
-        if record.topic not in TOPICS:
+        if record.topic not in DRAWN and record.topic != SEGMENT:
             return
         if self._trouble or self._queue.qsize() >= self._limit:
             self._dropped += 1

@@ -72,7 +72,7 @@ def run_live(
         watch.line.start()
         freeze_garbage()
         for refusal in enter_real_time(configuration.loop.priority):
-            host.stream.write(f"infant: {refusal}\n")
+            watch.line.write(f"infant: {refusal}\n")
         events += watch.enter(RunState.READY)
         start_ns = host.clock.now_ns() + LEAD_NS
         parts.start_world(start_ns)

@@ -1,14 +1,17 @@
 """The one line that a live run shows, written by a thread of its own: a terminal may stop reading."""
 
+import contextlib
 import math
 import threading
 from typing import TextIO
 
 from runtime.health import Health
+from runtime.printable import printable
 from runtime.tick import CompletedTick
 
 TERMINAL_PERIOD_S = 0.5
 LOG_PERIOD_S = 10.0
+LONGEST = 1000  # characters
 
 
 class StatusLine:
@@ -34,7 +37,13 @@ class StatusLine:
         self._stop.set()
         self._thread.join(1.0)
         if self._terminal and self._latest is not None:
-            self._stream.write("\n")
+            self.write("\n")
+
+    def write(self, text: str) -> None:
+        """To the stream, where somebody still reads it: a terminal that has gone must not end a run."""
+        with contextlib.suppress(OSError, ValueError):
+            self._stream.write(text)
+            self._stream.flush()
 
     def _show(self) -> None:
         shown: tuple[CompletedTick, Health] | None = None
@@ -45,10 +54,9 @@ class StatusLine:
             rate_hz = 0.0
             if shown is not None:
                 now, before = latest[0].tick, shown[0].tick
-                rate_hz = (now.seq - before.seq) * 1e9 / (now.stamp_ns - before.stamp_ns)
-            text = status_text(*latest, rate_hz)
-            self._stream.write(f"\r\x1b[K{text}" if self._terminal else f"{text}\n")
-            self._stream.flush()
+                rate_hz = (now.seq - before.seq) * 1e9 / max(1, now.stamp_ns - before.stamp_ns)
+            text = printable(status_text(*latest, rate_hz), LONGEST)
+            self.write(f"\r\x1b[K{text}" if self._terminal else f"{text}\n")
             shown = latest
 
 

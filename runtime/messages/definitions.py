@@ -3,9 +3,11 @@
 An own definition may grow at its end; what is there keeps its order, because old runs must stay readable.
 """
 
+import struct
 from functools import cache
 from typing import Any
 
+from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 CAN_FRAME = """\
@@ -192,8 +194,14 @@ def serialize(type_name: str, message: Any) -> bytes:
 
 
 def deserialize(type_name: str, data: bytes) -> Any:
-    """The message; its arrays are read-only views into the data."""
-    return type_store().deserialize_cdr(data, type_name)
+    """The message; its arrays are read-only views into the data. Raises ValueError where the data is none of its type.
+
+    What is allocated never exceeds the data much: the library reads element by element, or takes views.
+    """
+    try:
+        return type_store().deserialize_cdr(data, type_name)
+    except (SerdeError, struct.error, IndexError, KeyError, TypeError, OverflowError, AssertionError) as error:
+        raise ValueError(f"not the bytes of a {type_name} ({error})") from error
 
 
 def construct(type_name: str, **fields: Any) -> Any:

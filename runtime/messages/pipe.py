@@ -12,8 +12,8 @@ SEGMENT = "/segment"
 CARRIED = "/carried"
 """Not in the record: what one drawing process knew, for the one that goes on in its place."""
 
-TOPICS = frozenset(("/scan", "/tick", "/estimate", "/timing", "/truth", "/gap", "/raw/laser", SEGMENT))
-"""What the review is made from; other topics need not be sent to it."""
+DRAWN = frozenset(("/scan", "/tick", "/estimate", "/timing", "/truth", "/gap", "/raw/laser"))
+"""What the review is made from; other topics of a record need not be sent to it."""
 
 FRAME = struct.Struct("<HqI")  # bytes of the topic, stamp ns, bytes of the data
 

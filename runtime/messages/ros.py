@@ -15,12 +15,13 @@ from slam.pose import Pose2
 
 LEVELS = {Severity.INFO: 0, Severity.WARN: 1, Severity.ERROR: 2}  # DiagnosticStatus OK, WARN, ERROR
 EXTENDED, REMOTE, ERROR, FD = 1, 2, 4, 8  # flags of RawTap.can_frame
+LAST_NS = (2**31 - 1) * 1_000_000_000 + 999_999_999  # seconds are an int32
 UNKNOWN_COVARIANCE = -1.0  # as sensor_msgs/Imu has it: minus one says that nothing is claimed
 
 
 def header(stamp_ns: int, frame: str) -> Any:
-    """std_msgs/Header; seconds are floored so that the nanoseconds are never negative."""
-    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+    """std_msgs/Header; seconds are floored so that nanoseconds are never negative, and end with ROS's own in 2038."""
+    seconds, nanoseconds = divmod(min(max(stamp_ns, -LAST_NS), LAST_NS), 1_000_000_000)
     stamp = construct("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
     return construct("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
 

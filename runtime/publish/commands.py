@@ -12,6 +12,8 @@ import zenoh
 
 from runtime.commands import Command, CommandQueue
 from runtime.errors import SensorError
+from runtime.printable import printable
+from runtime.publish.access import LARGEST_MESSAGE
 from runtime.publish.session import short_reason, tool_config
 
 JSON = zenoh.Encoding("application/json")
@@ -52,7 +54,9 @@ def send_command(
         with zenoh.open(tool_config(endpoint, config_file)) as session:
             for reply in session.get(key, payload=reason.encode(), timeout=timeout_s):
                 said = reply.ok or reply.err
-                if said is not None and (answer := _answer(said.payload.to_bytes())) is not None:
+                if said is None or len(said.payload) > LARGEST_MESSAGE:
+                    continue
+                if (answer := _answer(said.payload.to_bytes())) is not None:
                     return answer
     except zenoh.ZError as error:
         raise SensorError(f"{endpoint}: no connection ({short_reason(error)}); give --connect and --zenoh") from error
@@ -65,8 +69,8 @@ def _answer(payload: bytes) -> Answer | None:
     """None for what zenoh itself says, for example that the time is over."""
     try:
         said = json.loads(payload)
-        return Answer(bool(said["accepted"]), str(said["reason"]))
-    except (ValueError, KeyError, TypeError):
+        return Answer(said["accepted"] is True, printable(str(said["reason"])))
+    except (ValueError, KeyError, TypeError, RecursionError):
         return None
 
 
@@ -75,7 +79,10 @@ def _reply(key: str, command: Command, commands: CommandQueue) -> Callable[[zeno
         with query:
             if str(query.key_expr) != key:
                 return  # a question with wildcards, such as infant/**, is no command
-            refusal = commands.accept(command, query.payload.to_bytes() if query.payload is not None else b"")
+            payload = query.payload
+            if payload is not None and len(payload) > LARGEST_MESSAGE:
+                return
+            refusal = commands.accept(command, payload.to_bytes() if payload is not None else b"")
             answer = json.dumps({"command": command.value, "accepted": not refusal, "reason": refusal})
             if refusal:
                 query.reply_err(answer, encoding=JSON)

@@ -11,6 +11,7 @@ from runtime.health import Health, RunState
 from runtime.messages.definitions import construct, serialize
 from runtime.messages.map_json import existence, json_bytes
 from runtime.messages.ros import encode_odometry, encode_pose, encode_scan, header, ros_pose
+from runtime.printable import printable
 from runtime.sensor_report import sensor_object
 from runtime.tick import CompletedTick, SinkHealth
 from slam.estimate import Estimate, LandmarkMap, Quality
@@ -135,10 +136,10 @@ def health_bytes(health: Health, wall_ns: int) -> bytes:
             "diagnostic_msgs/msg/DiagnosticStatus",
             level=LEVELS[sensor.state],
             name=name,
-            message=f"{sensor.state.value}: {sensor.reason}" if sensor.reason else sensor.state.value,
-            hardware_id=sensor.facts.get("serial_number", ""),
+            message=printable(f"{sensor.state.value}: {sensor.reason}" if sensor.reason else sensor.state.value),
+            hardware_id=printable(sensor.facts.get("serial_number", "")),
             values=[
-                construct("diagnostic_msgs/msg/KeyValue", key=key, value=str(value))
+                construct("diagnostic_msgs/msg/KeyValue", key=key, value=printable(str(value)))
                 for key, value in (*sensor.counters.items(), *sensor.figures.items(), *sensor.facts.items())
             ],
         )

@@ -53,7 +53,7 @@ class ZenohPublisher:
         self.listening: tuple[str, ...] | None = None
         self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
         if settings.enabled:
-            rover_config(settings, settings.listen)  # a file that cannot be used stops the start, not the thread
+            rover_config(settings, rover, settings.listen)  # a file that cannot be used stops the start, not the thread
             warm_up()
             atexit.register(self._leave)
             self._thread.start()
@@ -108,7 +108,7 @@ class ZenohPublisher:
         """Own the session from opening to closing; one that cannot be opened is tried again every 5 s."""
         while True:
             try:
-                session, listening = open_rover_session(self._settings)
+                session, listening = open_rover_session(self._settings, self._rover)
             except zenoh.ZError as error:
                 self._trouble = f"no zenoh session: {short_reason(error)}"
                 if self._stop.wait(REOPEN_S):
@@ -136,10 +136,10 @@ class ZenohPublisher:
                 else:
                     topics.send(item, self._health)
                 self._trouble = ""
-            except (zenoh.ZError, ValueError) as error:  # one message that cannot be sent costs that message
+            except Exception as error:  # noqa: BLE001 one message that cannot be sent costs that message, whatever it is
                 self._dropped += 1
                 what = f"state {item.state}" if isinstance(item, Health) else f"tick {item.tick.seq}"
-                self._trouble = f"{what} not published: {error}"
+                self._trouble = f"{what} not published: {error!r}"
 
     def _close_session(self, session: zenoh.Session) -> None:
         """Say goodbye; towards a peer that has stopped reading this takes zenoh's 10 s, which close() does not wait."""

@@ -7,26 +7,33 @@ from pathlib import Path
 
 import zenoh
 
+from runtime.bounded_read import read_bounded
 from runtime.errors import ConfigurationError
+from runtime.publish.access import bound, command_trouble
 from runtime.settings.publish import PublishSettings
 
 LEASE_MS = 3000  # ms of silence after which a peer is taken for gone; zenoh's 10 s is long on Wi-Fi
 PORTS_TO_TRY = 20
+LARGEST_ANSWER = 16 << 20  # bytes that a tool takes from a rover: a map of 50 000 landmarks
+LARGEST_FILE = 1 << 20
+DEEPEST = 64  # brackets in brackets of a configuration; the library's reader ends the process beyond some thousands
 RETRY = "{period_init_ms:500,period_max_ms:1000,period_increase_factor:2}"
 
 
-def rover_config(settings: PublishSettings, listen: Sequence[str]) -> zenoh.Config:
+def rover_config(settings: PublishSettings, rover: str, listen: Sequence[str]) -> zenoh.Config:
     """A peer: it never waits for a router to be there, and connects to it whenever it comes.
 
-    Raises ConfigurationError when the settings' file cannot be used, or says nothing of access where commands are on.
+    rover: its name, whose keys the access rules have to guard where commands are on. Raises ConfigurationError when
+    the settings' file cannot be used, or its rules do not say who may command.
     """
     named = settings.config_file
-    config = _from_file("publish.config_file", named) if named is not None else _silent_config()
-    if settings.commands and config.get_json("access_control/enabled") != "true":
+    config = _from_file("publish.config_file", named) if named is not None else _silent(zenoh.Config())
+    if settings.commands and (trouble := command_trouble(config, rover)):
         raise ConfigurationError(
-            f"publish.commands = True: expected access_control.enabled: true in {settings.config_file}, so that not "
-            "everyone commands; see config/zenoh-rover.json5, or leave commands off"
+            f"publish.commands = True: {trouble}; mend {settings.config_file} after config/zenoh-rover.json5, or leave "
+            "commands off"
         )
+    bound(config)
     config.insert_json5("mode", '"peer"')
     config.insert_json5("listen/endpoints", json.dumps(list(listen)))
     config.insert_json5("connect/endpoints", json.dumps(list(settings.connect)))
@@ -43,14 +50,15 @@ def tool_config(endpoint: str, config_file: str | None = None) -> zenoh.Config:
 
     config_file: zenoh configuration to start from, for certificates. Raises ConfigurationError.
     """
-    config = _from_file("--zenoh", config_file) if config_file is not None else _silent_config()
+    config = _from_file("--zenoh", config_file) if config_file is not None else _silent(zenoh.Config())
+    config.insert_json5("transport/link/rx/max_message_size", json.dumps(LARGEST_ANSWER))
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     config.insert_json5("connect/retry", RETRY)
     return config
 
 
-def open_rover_session(settings: PublishSettings) -> tuple[zenoh.Session, tuple[str, ...]]:
+def open_rover_session(settings: PublishSettings, rover: str) -> tuple[zenoh.Session, tuple[str, ...]]:
     """The session and where it really listens: the next free port where one is taken.
 
     Raises zenoh.ZError for anything but a taken port.
@@ -58,12 +66,12 @@ def open_rover_session(settings: PublishSettings) -> tuple[zenoh.Session, tuple[
     listen = settings.listen
     for _ in range(PORTS_TO_TRY):
         try:
-            return zenoh.open(rover_config(settings, listen)), listen
+            return zenoh.open(rover_config(settings, rover, listen)), listen
         except zenoh.ZError as error:
             if "in use" not in str(error):
                 raise
             listen = tuple(next_port(endpoint) for endpoint in listen)
-    return zenoh.open(rover_config(settings, ())), ()  # still reached through a router
+    return zenoh.open(rover_config(settings, rover, ())), ()  # still reached through a router
 
 
 def next_port(endpoint: str) -> str:
@@ -77,17 +85,32 @@ def short_reason(error: zenoh.ZError) -> str:
     return re.sub(r" at /\S+:\d+\.?", "", str(error)).strip()
 
 
-def _silent_config() -> zenoh.Config:
-    config = zenoh.Config()
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("scouting/gossip/enabled", "false")
+def _silent(config: zenoh.Config) -> zenoh.Config:
+    """What says nothing of scouting does not scout; zenoh would."""
+    for key in ("scouting/multicast/enabled", "scouting/gossip/enabled"):
+        if config.get_json(key) == "null":
+            config.insert_json5(key, "false")
     return config
 
 
 def _from_file(key: str, path: str) -> zenoh.Config:
-    if not Path(path).is_file():
-        raise ConfigurationError(f"{key} = {path!r}: no such file; give a zenoh configuration in JSON5")
     try:
-        return zenoh.Config.from_file(path)
+        text = read_bounded(Path(path), LARGEST_FILE)
+    except (OSError, ValueError) as error:
+        why = "no such file" if isinstance(error, FileNotFoundError) else error
+        raise ConfigurationError(f"{key} = {path!r}: {why}; give a zenoh configuration in JSON5") from error
+    if _depth(text) > DEEPEST:
+        raise ConfigurationError(f"{key} = {path!r}: more than {DEEPEST} brackets in each other; mend the file")
+    try:
+        return _silent(zenoh.Config.from_file(path))
     except zenoh.ZError as error:
         raise ConfigurationError(f"{key} = {path!r}: {short_reason(error)}; mend the file") from error
+
+
+def _depth(text: bytes) -> int:
+    """How many brackets are open at once at most, those in strings and comments counted too."""
+    depth = deepest = 0
+    for bracket in re.findall(rb"[\[{}\]]", text):
+        depth += 1 if bracket in b"[{" else -1
+        deepest = max(deepest, depth)
+    return deepest

@@ -1,13 +1,14 @@
 """How running rovers are, asked over zenoh by someone who is not on board."""
 
-import json
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any
 
 import zenoh
 
+from runtime.publish.rover_status import LARGEST_BYTES, believed
 from runtime.publish.session import tool_config
 from runtime.sensor_report import sensor_lines
 
@@ -17,16 +18,20 @@ ENDPOINTS = tuple(f"tcp/127.0.0.1:{port}" for port in range(7447, 7453))
 """zenoh's own port, where a router would be, and the first five on which rovers of this machine listen."""
 
 ASK_S = 1.0
+MOST_ANSWERS = 1000  # at one endpoint
 STATUS_KEY = "infant/*/status"
 
 
 def fetch_status(
-    connect: Sequence[str] = ENDPOINTS, timeout_s: float = ASK_S, config_file: str | None = None
+    connect: Sequence[str] = ENDPOINTS,
+    timeout_s: float = ASK_S,
+    config_file: str | None = None,
+    refused: Callable[[str], None] = lambda _: None,
 ) -> list[Status]:
     """Status of every rover that answers in time at any of the endpoints, by name; none if nobody does.
 
-    config_file: a zenoh configuration with the certificates for a fleet's router.
-    Raises ConfigurationError when that file cannot be used.
+    config_file: a zenoh configuration with the certificates for a fleet's router. refused: told a sentence on each
+    answer that is no rover's. Raises ConfigurationError when that file cannot be used.
     """
     found: dict[str, Status] = {}
     for endpoint in connect:
@@ -35,19 +40,27 @@ def fetch_status(
         except zenoh.ZError:
             continue  # nobody listens there, which is how most of these endpoints are
         with session:
-            for reply in session.get(STATUS_KEY, timeout=timeout_s):
-                if reply.ok is not None:
-                    status = json.loads(reply.ok.payload.to_bytes())
-                    found[status["rover"]] = status
+            for reply in islice(session.get(STATUS_KEY, timeout=timeout_s), MOST_ANSWERS):
+                if reply.ok is None:
+                    continue
+                try:
+                    status = believed(str(reply.ok.key_expr), _payload(reply.ok))
+                except ValueError as error:
+                    refused(str(error))
+                else:
+                    found.setdefault(status["rover"], status)
     return [found[rover] for rover in sorted(found)]
 
 
 def watch_status(
-    connect: Sequence[str] = ENDPOINTS, period_s: float = 1.0, config_file: str | None = None
+    connect: Sequence[str] = ENDPOINTS,
+    period_s: float = 1.0,
+    config_file: str | None = None,
+    refused: Callable[[str], None] = lambda _: None,
 ) -> Iterator[list[Status]]:
     """The same again and again, for ever: rovers may come and go."""
     while True:
-        yield fetch_status(connect, period_s, config_file)
+        yield fetch_status(connect, period_s, config_file, refused)
         time.sleep(period_s)
 
 
@@ -78,6 +91,12 @@ def silence_sentence(connect: Sequence[str] = ENDPOINTS) -> str:
     """What to say when no rover answers."""
     where = ", ".join(connect)
     return f"no rover answers at {where}; is infant run running, and does publish.listen name one of these?"
+
+
+def _payload(sample: zenoh.Sample) -> bytes:
+    """Not copied where it is too large to be a status anyway."""
+    size = len(sample.payload)
+    return sample.payload.to_bytes() if size <= LARGEST_BYTES else bytes(size)
 
 
 def _row(status: Mapping[str, Any]) -> tuple[str, ...]:

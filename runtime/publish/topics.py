@@ -1,5 +1,6 @@
 """Everything a rover says under infant/<rover>/ and, if asked, on the keys of ROS 2."""
 
+import time
 from collections import deque
 from collections.abc import Callable
 
@@ -18,6 +19,7 @@ STATUS_HZ = 1.0  # status and health messages per second
 SCAN_BEAM_STEP = 3  # every n-th beam of it; 3 leaves 361 of 1081
 LANDMARKS_HZ = 1.0  # maps of landmarks per second; 0 sends none
 JSON = "application/json"
+ANSWERS_HZ = 100.0  # answers to questions on each key; the loop needs the interpreter too
 RATE_WINDOW = 21  # ticks over which the rate in the status is taken: 2 s at 10 Hz
 
 
@@ -37,6 +39,25 @@ class Pace:
         if stamp_ns < self._next_ns:
             return False
         self._next_ns += self._period_ns
+        return True
+
+
+class Allowance:
+    """Lets `hz` things a second happen, whoever asks for them, and as many at once after a pause of a second."""
+
+    def __init__(self, hz: float) -> None:
+        self._hz = hz
+        self._left = hz
+        self._last_ns: int | None = None
+
+    def take(self, now_ns: int) -> bool:
+        """Whether one more may happen now."""
+        if self._last_ns is not None:
+            self._left = min(self._hz, self._left + (now_ns - self._last_ns) * 1e-9 * self._hz)
+        self._last_ns = now_ns
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
         return True
 
 
@@ -180,12 +201,14 @@ class RoverTopics:
         )
 
     def _answer(self, name: str, encoding: str, content: Callable[[], bytes]) -> None:
-        """Answer queries for a key with what is known now; nothing known yet is no reply."""
+        """Answer queries for a key with what is known now; nothing known yet, or too many asking, is no reply."""
         key = self._key(name)
 
-        def reply(query: zenoh.Query) -> None:
+        allowance = Allowance(ANSWERS_HZ)
+
+        def reply(query: zenoh.Query) -> None:  # what comes with the question is not looked at
             with query:
-                payload = content()
+                payload = content() if allowance.take(time.monotonic_ns()) else b""
                 if payload:
                     query.reply(key, payload, encoding=zenoh.Encoding(encoding))
 

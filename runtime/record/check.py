@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import NotARunError
+from runtime.messages.definitions import TYPES
 from runtime.messages.tick import Record
 from runtime.record.folder import RunFolder
 from runtime.record.manifest import Manifest
@@ -67,22 +68,14 @@ def verify_run(run: Path) -> Verification:
     """Read every byte of a run. Raises NotARunError only where there is nothing that could be a run."""
     folder = RunFolder.open(run)
     manifest = Manifest.load(folder.manifest_path)
-    paths = folder.segment_paths()
-    found = Verification(segments=len(paths))
-    if manifest.damage:
-        found.damages.append(manifest.damage)
-    for path in paths:
-        facts = manifest.segments.get(path.name)
-        if facts is not None and _sha256(path) != (facts["sha256"], facts["bytes"]):
-            found.damages.append(f"{path.name} is not what was closed: its hash in {manifest.path.name} differs")
-        elif facts is None and manifest.lines and (path.name != "run.mcap" or _has_end(path)):
-            found.damages.append(f"{path.name} was not closed: it is not in {manifest.path.name}")
+    found = Verification(segments=len(folder.segment_paths()), damages=alterations(folder, manifest))
     try:
-        reader = RunReader(run)
+        reader = RunReader(run, tolerant=True)
     except NotARunError as error:
         found.damages.append(str(error))
         return found
     found.ticks = sum(1 for _ in reader.ticks())
+    found.damages += [f"{name}: no run has so many segments" for name in folder.foreign_segments()]
     damages = reader.damages
     if damages and "the recording was cut off" in damages[-1] and is_being_written(folder.mcap_path):
         found.gaps.append(f"the run is still being recorded: {damages.pop()}")
@@ -94,12 +87,33 @@ def verify_run(run: Path) -> Verification:
     return found
 
 
+def alterations(folder: RunFolder, manifest: Manifest) -> list[str]:
+    """What is not as it was closed: a sentence on the manifest, and on each file that it does not know like this."""
+    found = [manifest.damage] if manifest.damage else []
+    segments = manifest.segments
+    for path in folder.segment_paths():
+        facts = segments.get(path.name)
+        if facts is not None and _sha256(path) != (facts["sha256"], facts["bytes"]):
+            found.append(f"{path.name} is not what was closed: its hash in {manifest.path.name} differs")
+        elif facts is None and manifest.lines and (path.name != "run.mcap" or _has_end(path)):
+            found.append(f"{path.name} was not closed: it is not in {manifest.path.name}")
+    return found
+
+
+def alterations_of(reader: RunReader) -> list[str]:
+    """What of a run that has just been read is not as it was closed; a run that was killed is what it is."""
+    damages = reader.damages[:-1] if reader.cut_off else reader.damages
+    closed = alterations(reader.folder, Manifest.load(reader.folder.manifest_path))
+    return list(dict.fromkeys([*closed, *damages]))
+
+
 def recover_run(run: Path, out: RunFolder) -> dict[str, Any]:
     """Write all that can be believed into a run of its own, with gaps where something is missing.
 
-    The damaged run is not touched. Raises NotARunError, StorageError.
+    Topics that this release does not know are carried over as they are. The damaged run is not touched.
+    Raises NotARunError, StorageError.
     """
-    reader = RunReader(run)
+    reader = RunReader(run, tolerant=True)
     out.write_configuration(reader.header.configuration_text)
     if reader.folder.start_map_path.is_file():
         out.write(out.start_map_path, reader.folder.start_map_path.read_bytes())
@@ -107,7 +121,7 @@ def recover_run(run: Path, out: RunFolder) -> dict[str, Any]:
     ticks = 0
     try:
         for records in _by_tick(reader.records()):
-            writer.add(records)
+            writer.add(records, {name: channel for name, channel in reader.channels.items() if name not in TYPES})
             ticks += any(record.topic == "/tick" for record in records)
     finally:
         writer.close()

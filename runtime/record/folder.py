@@ -9,11 +9,14 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from runtime.atomic_write import atomic_write
+from runtime.atomic_write import acting_as_owner, atomic_write, refuse_link
 from runtime.errors import NotARunError, RunExistsError, StorageError
+from runtime.printable import printable
 
-CLOSED_NAME = re.compile(r"run-(\d{4,})\.mcap")
-CLOSED_REVIEW = re.compile(r"review-\d{4,}\.rrd")
+MOST_SEGMENTS = 999_999  # of half a second each: five days; of a minute: two years
+CLOSED_NAME = re.compile(r"run-([0-9]{4,6})\.mcap")
+DIGITS = re.compile(r"run-\d+\.mcap")
+CLOSED_REVIEW = re.compile(r"review-[0-9]{4,6}\.rrd")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +33,13 @@ class RunFolder:
         """
         path = out if out is not None else root / new_name(datetime.now(UTC))
         try:
-            path.mkdir(parents=True, exist_ok=True)
+            existing = next(each for each in (path, *path.absolute().parents) if each.is_dir())
+            with acting_as_owner(existing):
+                path.mkdir(parents=True, exist_ok=True)
             occupied = any(path.iterdir())
             path.chmod(path.stat().st_mode)  # a file system mounted read-only says so here and not a minute later
+        except ValueError as error:
+            raise StorageError(f"{printable(str(path))} is no name of a folder ({error}); give another") from error
         except (FileExistsError, NotADirectoryError) as error:
             raise RunExistsError(f"{path} is a file; give the name of a new folder with --out") from error
         except OSError as error:
@@ -67,11 +74,16 @@ class RunFolder:
         return f"run-{number:04d}.mcap"
 
     def closed_segments(self) -> dict[int, Path]:
-        """Segments that are there beside run.mcap, by number, oldest first."""
+        """Segments that are there beside run.mcap, by number, oldest first; a number that no run reaches is none."""
         found = {
             int(match[1]): path for path in self.path.glob("run-*.mcap") if (match := CLOSED_NAME.fullmatch(path.name))
         }
         return dict(sorted(found.items()))
+
+    def foreign_segments(self) -> list[str]:
+        """Files with the name of a segment that no run reaches."""
+        names = (path.name for path in self.path.glob("run-*.mcap"))
+        return sorted(name for name in names if DIGITS.fullmatch(name) and not CLOSED_NAME.fullmatch(name))
 
     def segment_paths(self) -> list[Path]:
         """All files of the record that are there, oldest first."""
@@ -138,10 +150,28 @@ class RunFolder:
         """Replays of a run that has no estimates of its own; each is a run folder itself."""
         return self.path / "replays"
 
+    def new_replay(self, out: Path | None) -> "RunFolder":
+        """Make `out`, or a new folder in replays/. Raises RunExistsError, StorageError."""
+        if out is None:
+            self._refuse_links([self.replays_path])
+        return RunFolder.create(out, self.replays_path)
+
     def newest_replay(self) -> "RunFolder | None":
-        """The finished replay inside this run that ended last."""
-        summaries = sorted(self.replays_path.glob("*/summary.json"), key=lambda path: path.stat().st_mtime_ns)
-        return RunFolder(summaries[-1].parent) if summaries else None
+        """The finished replay inside this run that ended last. Raises StorageError where it lies behind a link."""
+        summaries = sorted(self.replays_path.glob("*/summary.json"), key=lambda path: path.lstat().st_mtime_ns)
+        if not summaries:
+            return None
+        self._refuse_links([self.replays_path, summaries[-1].parent])
+        return RunFolder(summaries[-1].parent)
+
+    def _refuse_links(self, paths: list[Path]) -> None:
+        """Raises StorageError where one of these is a link, by which a run of others writes somewhere else."""
+        try:
+            for path in paths:
+                refuse_link(path)
+        except OSError as error:
+            why = f"{error.filename} cannot be used ({error.strerror}); remove it, or name a folder with --out"
+            raise StorageError(why) from error
 
     def write_configuration(self, text: str) -> None:
         """Keep the configuration in force. Raises StorageError."""

@@ -9,6 +9,9 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from runtime.printable import printable
+from runtime.record.folder import MOST_SEGMENTS
+from runtime.service.processor import NAMES, processor_facts
 from slam.kernel_cache import sources_hash
 
 FORMAT = "1"
@@ -21,11 +24,12 @@ PACKAGES = (
 
 
 def installed_versions() -> dict[str, str]:
-    """Versions of everything that could change a bit of the result: Python, packages, and the filter's own sources."""
+    """Versions of all that could change a bit of the result: Python, packages, the filter's sources, the processor."""
     versions = {
         "python": platform.python_version(),
         "machine": platform.machine(),
         "slam sources": sources_hash(),
+        **processor_facts(),
     }
     for package in PACKAGES:
         try:
@@ -36,12 +40,12 @@ def installed_versions() -> dict[str, str]:
 
 
 def other_versions(recorded: Mapping[str, str]) -> list[str]:
-    """What is not the same here as where a run was recorded, in words."""
+    """What is not the same here as where a run was recorded, in words; of the processor tells other_kind."""
     here = installed_versions()
     return [
         f"{name} {was}, here {here.get(name, 'absent')}"
         for name, was in sorted(recorded.items())
-        if here.get(name) != was
+        if here.get(name) != was and name not in NAMES
     ]
 
 
@@ -112,16 +116,27 @@ class RunHeader:
         if facts.get("format") != FORMAT:
             raise ValueError(f"its format is {facts.get('format')}, this release reads {FORMAT}")
         text = facts["configuration"]
+        segment_number(metadata)
         if hashlib.sha256(text.encode()).hexdigest() != facts["configuration_sha256"]:
             raise ValueError("its configuration does not match its hash: the header is damaged")
         offset_ns = facts["wall_minus_monotonic_ns"]
         return cls(
             text,
-            facts["source"],
+            printable(facts["source"]),
             dict(metadata.get("versions", {})),
             facts["boot_id"],
             int(offset_ns) if offset_ns else None,
-            facts["created_utc"],
+            printable(facts["created_utc"]),
             facts["configuration_sha256"],
             dict(metadata.get("map", {})),
         )
+
+
+def segment_number(metadata: Mapping[str, Mapping[str, str]]) -> int | None:
+    """Which segment of a run a file is, None where it does not say. Raises ValueError on what no run reaches."""
+    number = metadata.get("segment", {}).get("number")
+    if number is None:
+        return None
+    if not number.isascii() or not number.isdigit() or not 1 <= len(number) <= 6:
+        raise ValueError(f"its segment has the number {number!r:.40}, expected 1 to {MOST_SEGMENTS}")
+    return int(number)

@@ -12,19 +12,42 @@ from pathlib import Path
 from typing import Any
 
 from runtime.atomic_write import atomic_write
+from runtime.bounded_read import read_bounded
 
 Facts = dict[str, Any]
 
-KINDS = frozenset(("run", "segment", "mark", "removed", "lost"))
+LARGEST_BYTES = 16 << 20  # a month of segments of a minute
+FAR = 1 << 62  # largest of stamps, sizes and counts
+LONGEST_LINE = 16 << 10  # a mark of 1000 characters takes 12 kB where each is written as two escapes
+KINDS: dict[str, dict[str, type]] = {
+    "run": {"created_utc": str},
+    "segment": {
+        "name": str,
+        "number": int,
+        "bytes": int,
+        "sha256": str,
+        "first_ns": int,
+        "last_ns": int,
+        "ticks": int,
+    },
+    "mark": {"from_ns": int, "to_ns": int, "reason": str},
+    "removed": {"name": str, "reason": str},
+    "lost": {"name": str, "ticks": int, "reason": str},
+}
+"""Kinds of lines, and what each has to say."""
 
 
 class Manifest:
-    """Lines in memory and, after `save`, on disk. `damage` says from where the file could not be believed."""
+    """Lines in memory and, after `save`, on disk. `damage` says from where the file could not be believed.
+
+    foreign: its hashes are right, but no recorder of ours says such a thing: nothing beside it can be believed either.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.lines: list[Facts] = []
         self.damage = ""
+        self.foreign = False
         self.saved = True
 
     @classmethod
@@ -32,7 +55,7 @@ class Manifest:
         """Every line up to the first that is wrong; empty when there is no file (runs of older releases)."""
         manifest = cls(path)
         try:
-            content = path.read_bytes()
+            content = read_bounded(path, LARGEST_BYTES)
         except FileNotFoundError:
             return manifest
         except OSError as error:
@@ -40,11 +63,16 @@ class Manifest:
             return manifest
         for number, line in enumerate(content.split(b"\n")[:-1], 1):
             try:
+                if len(line) > LONGEST_LINE:
+                    raise ValueError(f"a line of {len(line)} bytes, {LONGEST_LINE} are allowed")
                 facts = json.loads(line)
                 stated = facts.pop("chain")
-                if facts.get("kind") not in KINDS or stated != manifest._chain(facts):
+                if stated != manifest._chain(facts):
                     raise ValueError("the chain of hashes is broken")
-            except (ValueError, KeyError, TypeError, AttributeError) as error:
+                manifest.foreign = True
+                _check_types(facts)
+                manifest.foreign = False
+            except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
                 manifest.damage = f"{path.name} cannot be believed from line {number} on ({error})"
                 return manifest
             manifest.lines.append({**facts, "chain": stated})
@@ -78,10 +106,10 @@ class Manifest:
         """Segments whose file was taken away while it was written; the next segment begins with that gap."""
         return {line["name"] for line in self.lines if line["kind"] == "lost"}
 
-    def ticks(self, name: str, otherwise: int) -> int:
-        """How many ticks a closed segment has to hold, or went with a lost one."""
-        counts = [line["ticks"] for line in self.lines if line["kind"] in ("segment", "lost") and line["name"] == name]
-        return int(counts[-1]) if counts else otherwise
+    @property
+    def ticks(self) -> dict[str, int]:
+        """How many ticks each closed segment has to hold, or went with a lost one, by name."""
+        return {line["name"]: line["ticks"] for line in self.lines if line["kind"] in ("segment", "lost")}
 
     @property
     def marks(self) -> list[Facts]:
@@ -99,3 +127,15 @@ class Manifest:
         before = self.lines[-1]["chain"] if self.lines else ""
         text = json.dumps(facts, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(f"{before}{text}".encode()).hexdigest()
+
+
+def _check_types(facts: Facts) -> None:
+    """Raises ValueError where a line says what no line of its kind does."""
+    expected = KINDS.get(facts["kind"]) if isinstance(facts.get("kind"), str) else None
+    if expected is None:
+        raise ValueError(f"a line of kind {facts.get('kind')!r:.40}")
+    for key, type_ in expected.items():
+        if type(facts.get(key)) is not type_:
+            raise ValueError(f"{key} is {facts.get(key)!r:.40}, expected {type_.__name__}")
+        if type_ is int and not -FAR <= facts[key] <= FAR:
+            raise ValueError(f"{key} is {facts[key]!r:.40}, which no run reaches")

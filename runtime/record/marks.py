@@ -5,17 +5,22 @@ the run's folder may mark: no network and no port is involved.
 """
 
 import threading
+from itertools import islice
 from pathlib import Path
 from uuid import uuid4
 
-from runtime.atomic_write import atomic_write
+from runtime.atomic_write import atomic_write, refuse_link
+from runtime.bounded_read import read_bounded
 from runtime.errors import NotARunError, StorageError, UsageError
+from runtime.printable import printable
 from runtime.record.folder import RunFolder
 from runtime.record.manifest import Manifest
 from runtime.record.room import is_being_written
 
 ALWAYS_NS = 1 << 62
 LONGEST_REASON = 1000
+LONGEST_FILE = 4 * LONGEST_REASON  # bytes of as many characters in UTF-8
+MOST_MARKS = 20  # taken in one round of the recorder; the others wait a second
 POLL_S = 0.05
 
 
@@ -33,13 +38,14 @@ def leave_mark(folder: RunFolder, reason: str, within_s: float = 3.0) -> bool:
     Returns whether the recorder has taken it in time; if not, the mark lies there and keeps the run all the same.
     Raises UsageError, StorageError.
     """
-    if not reason.strip() or len(reason) > LONGEST_REASON:
-        length = len(reason.strip())
-        raise UsageError(f"reason: expected 1 to {LONGEST_REASON} characters, got {length}; say what was seen")
+    reason = printable(reason.strip(), LONGEST_FILE)
+    if not reason or len(reason) > LONGEST_REASON:
+        raise UsageError(f"reason: expected 1 to {LONGEST_REASON} characters, got {len(reason)}; say what was seen")
     try:
         if not is_being_written(folder.mcap_path):
             return _mark_ended(folder, reason)
         folder.marks_path.mkdir(exist_ok=True)
+        refuse_link(folder.marks_path)
         path = folder.marks_path / f"{uuid4().hex}.txt"
         atomic_write(path, reason)
     except OSError as error:
@@ -56,10 +62,17 @@ def take_marks(folder: RunFolder) -> dict[Path, str]:
     """The reasons that wait, by file. Raises OSError."""
     if not folder.marks_path.is_dir():
         return {}
-    return {
-        path: path.read_text(encoding="utf-8", errors="replace")[:LONGEST_REASON]
-        for path in sorted(folder.marks_path.glob("*.txt"))
-    }
+    refuse_link(folder.marks_path)
+    marks = {}
+    for path in sorted(islice(folder.marks_path.glob("*.txt"), MOST_MARKS)):
+        try:
+            content = read_bounded(path, LONGEST_FILE, follow=False)
+        except FileNotFoundError:
+            continue
+        except OSError as error:  # a pipe, a link, a film: none is read, and none may keep the recorder from the others
+            content = f"a mark that cannot be read ({error.strerror})".encode()
+        marks[path] = printable(content.decode(errors="replace").strip(), LONGEST_REASON)
+    return marks
 
 
 def _mark_ended(folder: RunFolder, reason: str) -> bool:

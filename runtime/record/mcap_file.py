@@ -10,10 +10,11 @@ from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 
+from runtime.atomic_write import NEW_FILE_FLAGS, acting_as_owner
 from runtime.errors import StorageError
 from runtime.messages.definitions import TYPES, definition
 from runtime.messages.tick import Record
-from runtime.record.mcap_prefix import CHECKPOINT, checkpoint
+from runtime.record.mcap_prefix import CHECKPOINT, Channel, checkpoint
 
 NO_LIMIT = 1 << 62  # the library must never end a chunk by itself: only whole ticks may go to disk together
 OFFLINE_CHUNK_BYTES = 256 * 1024
@@ -56,7 +57,8 @@ class RecordFile:
     ) -> None:
         """Open a file that must not exist. Raises StorageError."""
         try:
-            self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+            with acting_as_owner(path.parent):
+                self._descriptor = os.open(path, NEW_FILE_FLAGS, 0o644)
         except OSError as error:
             raise StorageError(f"{path} cannot be made ({error.strerror}); check the folder") from error
         fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # how others see that it is being written
@@ -107,13 +109,18 @@ class RecordFile:
         """Bytes in the chunk that is not finished."""
         return self._chunk_bytes
 
-    def add(self, record: Record) -> None:
-        """Into the chunk at hand."""
+    def add(self, record: Record, foreign: Channel | None = None) -> None:
+        """Into the chunk at hand. foreign: of a topic that is none of ours, as the file has it that it comes from."""
         channel = self._channels.get(record.topic)
         if channel is None:
-            name = TYPES[record.topic]
-            schema = self._writer.register_schema(name, "ros2msg", definition(name).encode())
-            channel = self._channels[record.topic] = self._writer.register_channel(record.topic, "cdr", schema)
+            if foreign is None:
+                name = TYPES[record.topic]
+                foreign = Channel("cdr", name, "ros2msg", definition(name).encode())
+            schema = 0  # of the format: none
+            if foreign.schema_name:
+                schema = self._writer.register_schema(foreign.schema_name, foreign.schema_encoding, foreign.schema)
+            channel = self._writer.register_channel(record.topic, foreign.encoding, schema)
+            self._channels[record.topic] = channel
         log_ns = max(0, record.stamp_ns)  # MCAP knows no time before zero; the message itself has the stamp
         self._writer.add_message(channel, log_ns, record.data, log_ns)
         self._chunk_bytes += len(record.data)
@@ -149,6 +156,10 @@ class RecordFile:
         self.end_chunk()
         self._writer.finish()  # type: ignore[no-untyped-call]
 
+    def protect(self) -> None:
+        """Nobody shall write to it by mistake. Raises OSError."""
+        os.fchmod(self._descriptor, 0o444)
+
     def close(self) -> None:
         """Give the file back to the system. Raises OSError."""
         os.close(self._descriptor)
@@ -162,10 +173,10 @@ class RunWriter:
     ) -> None:
         self._file = RecordFile(path, metadata, attachments)
 
-    def add(self, records: list[Record]) -> None:
-        """The records of one tick; they are never parted. Raises StorageError."""
+    def add(self, records: list[Record], foreign: Mapping[str, Channel] | None = None) -> None:
+        """The records of one tick, never parted. foreign: topics that are none of ours. Raises StorageError."""
         for record in records:
-            self._file.add(record)
+            self._file.add(record, (foreign or {}).get(record.topic))
         if self._file.chunk_bytes >= OFFLINE_CHUNK_BYTES:
             self._file.end_chunk()
             self._write()

@@ -12,13 +12,19 @@ import struct
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 import zstandard
 
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA, DATA_END = 2, 3, 4, 5, 6, 9, 12, 15
-LARGEST_RECORD_BYTES = 1 << 30
+LARGEST_RECORD_BYTES = 32 << 20  # of any record and of what a chunk unpacks to: 100 times what is written
+LARGEST_PACKING = 200  # a recorded chunk unpacks to 1.2 to 20 times its bytes
+SMALL_CHUNK_BYTES = 64 << 10  # which may be packed in any way
+LARGEST_HEAD_BYTES = 32 << 20  # of metadata and attachments together, which are kept in memory
+METADATA_WEIGHT = 16  # memory that a dictionary of short texts takes for each of its bytes
+LONGEST_TOPIC = 256
+BLOCK_BYTES = 1 << 20
 RECORD_HEAD = struct.Struct("<BQ")
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 CHUNK_HEAD = struct.Struct("<QQQI")
@@ -38,22 +44,44 @@ class DamageError(ValueError):
         self.offset = offset
 
 
+class ForeignError(ValueError):
+    """Bytes whose checksums are right, and which no recorder of ours writes: too many, too large, or of no meaning."""
+
+
+class Channel(NamedTuple):
+    """What stands in a file of the messages of one topic: their encoding, and the schema by which others read them."""
+
+    encoding: str
+    schema_name: str
+    schema_encoding: str
+    schema: bytes
+
+
 class McapPrefix:
-    """Reads one file from its start. `damage` is None until the end is reached, then "" or what is wrong there."""
+    """Reads one file from its start. `damage` is None until the end is reached, then "" or what is wrong there.
+
+    foreign: the damage is none of a disk or a loss of power; somebody else has written this. cut_off: the file ends
+    where a recorder that was killed may leave it.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.size = path.stat().st_size
         self.offset = 0
         self.damage: str | None = None
+        self.foreign = self.cut_off = False
+        self._kept_bytes = 0
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, bytes] = {}
+        self.channels: dict[str, Channel] = {}
         self._topics: dict[int, str] = {}
+        self._schemas: dict[int, tuple[str, str, bytes]] = {}
         self._head_is_sure = False
 
     def messages(self) -> Iterator[tuple[str, int, bytes]]:
         """(topic, log time ns, data) of every message in the prefix; metadata and attachments are kept on the way."""
         self._head_is_sure = False
+        self._kept_bytes = 0
         try:
             with self.path.open("rb") as stream:
                 yield from self._messages(stream)
@@ -78,15 +106,17 @@ class McapPrefix:
         while True:
             head = stream.read(RECORD_HEAD.size)
             if not head:
-                raise DamageError(self.offset, "the recording was cut off")
+                raise self._cut_off("the recording was cut off")
             if len(head) < RECORD_HEAD.size:
-                raise DamageError(self.offset, "the file ends early")
+                raise self._cut_off("the file ends early")
             opcode, length = RECORD_HEAD.unpack(head)
-            if opcode == 0 or length > LARGEST_RECORD_BYTES:
+            if opcode == 0 or (length > LARGEST_RECORD_BYTES and length > self.size):
                 raise DamageError(self.offset, "no record begins")
+            if length > LARGEST_RECORD_BYTES:
+                raise self._foreign(f"a record of {length} bytes, {LARGEST_RECORD_BYTES} are allowed")
             body = stream.read(length)
             if len(body) < length:
-                raise DamageError(self.offset, "the last record is torn")
+                raise self._cut_off("the last record is torn")
             if opcode == DATA_END:
                 self._check_data_end(body, data_crc, stream)
                 return
@@ -99,7 +129,10 @@ class McapPrefix:
                     self._note_metadata(body, crc_before)
                 elif opcode == ATTACHMENT:
                     name, data = _attachment(body)
+                    self._keep(length)
                     self.attachments[name] = data
+            except ForeignError as error:
+                raise self._foreign(str(error)) from error
             except (struct.error, IndexError, KeyError, UnicodeDecodeError, ValueError) as error:
                 raise DamageError(self.offset, f"damaged record ({error})") from error
             except zstandard.ZstdError as error:
@@ -115,30 +148,69 @@ class McapPrefix:
         elif self._head_is_sure:
             raise ValueError("metadata where only a checkpoint can stand")
         else:
+            self._keep(METADATA_WEIGHT * len(body))
             self.metadata[name] = values
+
+    def _keep(self, size: int) -> None:
+        """Count what stays in memory. Raises ForeignError."""
+        self._kept_bytes += size
+        if self._kept_bytes > LARGEST_HEAD_BYTES:
+            raise ForeignError(f"metadata and attachments that take more than {LARGEST_HEAD_BYTES} bytes of memory")
+
+    def _cut_off(self, what: str) -> DamageError:
+        self.cut_off = True
+        return DamageError(self.offset, what)
+
+    def _foreign(self, what: str) -> DamageError:
+        self.foreign = True
+        return DamageError(self.offset, what)
 
     def _check_data_end(self, body: bytes, data_crc: int, stream: BinaryIO) -> None:
         if body != struct.pack("<I", data_crc):
             raise DamageError(self.offset, "the checksum over the whole file does not match")
-        tail = stream.read()
-        covered, crc = tail[: -len(MAGIC) - 4], tail[-len(MAGIC) - 4 : -len(MAGIC)]
-        if not tail.endswith(MAGIC) or crc != struct.pack("<I", zlib.crc32(covered)):
+        crc, left = 0, self.size - stream.tell() - len(MAGIC) - 4
+        while left > 0 and (block := stream.read(min(left, BLOCK_BYTES))):
+            crc, left = zlib.crc32(block, crc), left - len(block)
+        if left or stream.read(len(MAGIC) + 5) != struct.pack("<I", crc) + MAGIC:
             raise DamageError(self.offset, "the index after the data is torn or damaged")
         self.offset = self.size
 
     def _chunk_messages(self, body: bytes) -> Iterator[tuple[str, int, bytes]]:
         data = _chunk_data(body)
         position = 0
-        while position < len(data):
-            opcode, length = RECORD_HEAD.unpack_from(data, position)
-            position += RECORD_HEAD.size
-            if opcode == MESSAGE:
-                channel, _, log_ns, _ = MESSAGE_HEAD.unpack_from(data, position)
-                yield self._topics[channel], log_ns, data[position + MESSAGE_HEAD.size : position + length]
-            elif opcode == CHANNEL:
-                channel, _ = struct.unpack_from("<HH", data, position)
-                self._topics[channel], _ = _text(data, position + 4)
-            position += length
+        try:
+            while position < len(data):
+                opcode, length = RECORD_HEAD.unpack_from(data, position)
+                position += RECORD_HEAD.size
+                if position + length > len(data):
+                    raise ForeignError("a chunk whose last record is longer than the chunk")
+                if opcode == MESSAGE:
+                    channel, _, log_ns, _ = MESSAGE_HEAD.unpack_from(data, position)
+                    yield self._topics[channel], log_ns, data[position + MESSAGE_HEAD.size : position + length]
+                elif opcode == CHANNEL:
+                    self._note_channel(data, position)
+                elif opcode == SCHEMA:
+                    self._note_schema(data, position, length)
+                position += length
+        except (struct.error, KeyError, UnicodeDecodeError) as error:  # though its checksum is right
+            raise ForeignError(f"a chunk without meaning ({error!r})") from error
+
+    def _note_channel(self, data: bytes, position: int) -> None:
+        channel, schema = struct.unpack_from("<HH", data, position)
+        topic, position = _text(data, position + 4)
+        encoding, _ = _text(data, position)
+        if max(len(topic), len(encoding)) > LONGEST_TOPIC:
+            raise ForeignError(f"a topic of {len(topic)} characters, {LONGEST_TOPIC} are allowed")
+        self._topics[channel] = topic
+        self.channels[topic] = Channel(encoding, *self._schemas.get(schema, ("", "", b"")))
+
+    def _note_schema(self, data: bytes, position: int, length: int) -> None:
+        self._keep(length)
+        (schema,) = struct.unpack_from("<H", data, position)
+        name, position = _text(data, position + 2)
+        encoding, position = _text(data, position)
+        (size,) = struct.unpack_from("<I", data, position)
+        self._schemas[schema] = (name, encoding, data[position + 4 : position + 4 + size])
 
 
 def _chunk_data(body: bytes) -> bytes:
@@ -148,7 +220,9 @@ def _chunk_data(body: bytes) -> bytes:
     packed = body[position + 8 :]
     if compression != "zstd":
         raise ValueError(f"compression {compression!r} is not what this project writes")
-    if size > LARGEST_RECORD_BYTES or zstandard.get_frame_parameters(packed).content_size != size:
+    if size > min(LARGEST_RECORD_BYTES, max(SMALL_CHUNK_BYTES, LARGEST_PACKING * len(packed))):
+        raise ForeignError(f"a chunk of {len(packed)} bytes that would unpack to {size}")
+    if zstandard.get_frame_parameters(packed).content_size != size:
         raise ValueError("the size of the chunk does not match")  # said before so much memory is asked for
     data = zstandard.ZstdDecompressor().decompress(packed)
     if len(data) != size or zlib.crc32(data) != crc:

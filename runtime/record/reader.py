@@ -1,13 +1,13 @@
 """A recorded run, read from its start up to where it can be believed."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from runtime.errors import NotARunError
+from runtime.messages.decoding import Decoded, check, decoded
+from runtime.messages.definitions import TYPES, deserialize
 from runtime.messages.estimate import decode_estimate
 from runtime.messages.ros import decode_ranges_m
 from runtime.messages.tick import (
@@ -21,15 +21,19 @@ from runtime.messages.tick import (
     decode_truth,
     encode_gap,
 )
-from runtime.record.folder import CLOSED_NAME, RunFolder
-from runtime.record.header import RunHeader
+from runtime.printable import printable
+from runtime.record.folder import CLOSED_NAME, MOST_SEGMENTS, RunFolder
+from runtime.record.header import RunHeader, segment_number
 from runtime.record.manifest import Manifest
-from runtime.record.mcap_prefix import McapPrefix
+from runtime.record.mcap_prefix import Channel, McapPrefix
 from runtime.tick import Tick, Timing
 from slam.estimate import Estimate
 from slam.pose import Pose2
 
 LOSSES_SHOWN = 3
+MOST_LOSSES = 1000  # sentences kept; a run that is worse is no better known for more of them
+CDR_HEADER = b"\0\1\0\0"  # little-endian; of every message that a recorder writes
+FAR = 1 << 62  # ns: a stamp that no clock of a rover shows
 OUTCOMES = frozenset(("/estimate", "/pose", "/odom", "/timing", "/state_hash", "/truth", "/defect"))
 
 
@@ -38,43 +42,44 @@ class RecordedTick:
     """One tick as it came in and, where it was recorded, what came of it.
 
     inputs: the records that the tick was decoded from, for whoever writes it again unchanged.
-    outcomes: the others by topic, decoded only when asked for. gaps: what the record had lost before this tick.
+    outcomes: the others by topic, decoded only when asked for, which raises NotARunError where they are none.
+    gaps: what the record had lost before this tick. place: file and byte of its chunk.
     """
 
     tick: Tick
     inputs: list[Record]
     gaps: list[Gap]
+    place: str
     outcomes: dict[str, Record] = field(default_factory=dict)
 
     @property
     def estimate(self) -> Estimate | None:
         """What the estimator said."""
-        record = self.outcomes.get("/estimate")
-        return None if record is None else decode_estimate(record.data)
+        return self._outcome("/estimate", decode_estimate)
 
     @property
     def timing(self) -> Timing | None:
         """How the loop kept time."""
-        record = self.outcomes.get("/timing")
-        return None if record is None else decode_timing(record.data)
+        return self._outcome("/timing", decode_timing)
 
     @property
     def state_hash(self) -> bytes | None:
         """Hash of the filter's state after the tick."""
-        record = self.outcomes.get("/state_hash")
-        return None if record is None else decode_state_hash(record.data)
+        return self._outcome("/state_hash", decode_state_hash)
 
     @property
     def truth(self) -> Pose2 | None:
         """Where a simulated rover really was."""
-        record = self.outcomes.get("/truth")
-        return None if record is None else decode_truth(record.data)
+        return self._outcome("/truth", decode_truth)
 
     @property
     def defect(self) -> str:
         """Why the step raised and ended as a prediction, "" where it did not."""
-        record = self.outcomes.get("/defect")
-        return "" if record is None else decode_defect(record.data)
+        return self._outcome("/defect", decode_defect) or ""
+
+    def _outcome(self, topic: str, decoder: Callable[[bytes], Decoded]) -> Decoded | None:
+        record = self.outcomes.get(topic)
+        return None if record is None else decoded(record, decoder, self.place)
 
 
 class RunReader:
@@ -83,20 +88,42 @@ class RunReader:
     Raises NotARunError when there is no run or its head cannot be read. A run that ends early gives all its whole
     ticks, and `truncated` says so once they have been read. Where a segment is damaged or gone, reading goes on with
     the next one after a gap. `gaps` are all losses so far.
+
+    What damage cannot do to a run, bytes with right checksums that no recorder writes, raises NotARunError too, while
+    reading as well; with `tolerant` it is a damage like others and passed over.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, tolerant: bool = False) -> None:
         self.folder = RunFolder.open(path)
+        self._tolerant = tolerant
         self._paths = self.folder.segment_paths()
         self._file, self.header = _first_header(self._paths)
         self.attachments: Mapping[str, bytes] = self._file.attachments
         self.gaps: list[Gap] = []
-        self._size = sum(path.stat().st_size for path in self._paths)
+        self._size = max(1, sum(path.stat().st_size for path in self._paths))
         self._size_before = 0
         self.known_losses: list[str] = []  # segments that the manifest says are gone, for example for room
         self._losses: list[str] = []
+        self.cut_off = False  # the last file ends where a recorder was killed: that is the last of the damages
         self._ticks = 0
         self._last_stamp_ns: int | None = None
+        for name in self.folder.foreign_segments():
+            self._refuse(self.folder.path / name, f"a run has at most {MOST_SEGMENTS} segments; move the file away")
+        manifest = Manifest.load(self.folder.manifest_path)
+        if manifest.foreign:
+            self._refuse(self.folder.path, f"{manifest.damage}; a run without {manifest.path.name} can be read")
+        if self._file.foreign:
+            self._refuse(self._file.path, str(self._file.damage))
+
+    @property
+    def place(self) -> str:
+        """Where reading has come to: file and byte."""
+        return f"{self._file.path}, byte {self._file.offset}"
+
+    @property
+    def channels(self) -> Mapping[str, Channel]:
+        """What the file says of the topics that it holds, known before their first record."""
+        return self._file.channels
 
     @property
     def read_fraction(self) -> float:
@@ -106,7 +133,8 @@ class RunReader:
     @property
     def damages(self) -> list[str]:
         """What is not as it was written; known after reading to the end."""
-        return [loss for loss in self._losses if loss not in self.known_losses]
+        known = frozenset(self.known_losses)
+        return [loss for loss in self._losses if loss not in known]
 
     @property
     def truncated(self) -> str:
@@ -122,37 +150,80 @@ class RunReader:
     def records(self) -> Iterator[Record]:
         """Every message of the run in the order of writing, with a gap where something is missing between segments."""
         manifest = Manifest.load(self.folder.manifest_path)
+        lost = manifest.lost
         self._losses, self.known_losses, self._size_before = [], [], 0
+        self.cut_off = False
         stamp_ns, expected, missing_ticks = 0, 1, 0  # missing_ticks: for which no gap has been given yet
         for index, path in enumerate(self._paths):
             ticks = 0
             self._size_before += self._file.size if index else 0
             self._file = file = McapPrefix(path)
             number = self._number(file)
-            for absent in range(expected, number):
-                name = RunFolder.closed_name(absent)
-                reason = manifest.removed.get(name, "nobody knows why")
-                self._losses.append(f"{name} is gone: {reason}")
-                self.known_losses += self._losses[-1:] if name in manifest.removed else []
-                if name not in manifest.lost or absent + 1 < number:  # else this segment begins with that gap
-                    missing_ticks += manifest.ticks(name, 1)
+            missing_ticks += self._note_absent(expected, number, manifest, lost)
             expected = max(expected, number + 1)
             if not file.damage and missing_ticks:
                 yield encode_gap(Gap(stamp_ns, missing_ticks, 0, self._losses[-1]))
                 missing_ticks = 0
-            for topic, log_ns, data in file.messages() if not file.damage else ():
-                ticks += topic == "/tick"
-                stamp_ns = log_ns
-                yield Record(topic, log_ns, data)
+            for record in self._believable(file) if not file.damage else ():
+                ticks += record.topic == "/tick"
+                stamp_ns = record.stamp_ns
+                yield record
             if file.damage:
+                self.cut_off = file.cut_off and path == self._paths[-1] and path.name not in manifest.segments
                 name = "" if len(self._paths) == 1 else f"{path.name}: "
                 self._losses.append(f"{name}{file.damage} of {file.size}")
-                missing_ticks += max(1, manifest.ticks(path.name, 0) - ticks)
+                missing_ticks += max(1, manifest.ticks.get(path.name, 0) - ticks)
+            if file.foreign:
+                self._refuse(path, str(file.damage))
         missing = manifest.segments.keys() - manifest.removed.keys() - {path.name for path in self._paths}
         last = [name for name in sorted(missing) if manifest.segments[name]["number"] >= expected]
         self._losses += [f"{name} is gone: nobody knows why" for name in last]
         if not last and self._paths[-1].name != "run.mcap" and not self._losses:
             self._losses.append(f"the recording was cut off after {self._paths[-1].name}")
+            self.cut_off = True
+
+    def _believable(self, file: McapPrefix) -> Iterator[Record]:
+        """Records of one file; with `tolerant` a gap in place of ticks that say nothing and of what came of them."""
+        ranges_m, wrong, skips = None, 0, False
+        for topic, log_ns, data in file.messages():
+            record = Record(topic, min(log_ns, FAR), data)
+            begins = topic in ("/scan", "/tick")
+            try:
+                if topic in TYPES and not data.startswith(CDR_HEADER):
+                    decoded(record, lambda data: deserialize(TYPES[topic], data), self.place)  # noqa: B023 called here
+                if self._tolerant:
+                    ranges_m = check(record, ranges_m, self.place)
+            except NotARunError as error:
+                if not self._tolerant:
+                    raise
+                self._losses += [str(error)] if len(self._losses) < MOST_LOSSES else []
+                ranges_m = None
+                wrong, skips = wrong + (topic == "/tick"), skips or topic == "/tick"
+                continue
+            if begins and wrong:
+                yield encode_gap(Gap(record.stamp_ns, wrong, 0, "ticks that no recorder writes"))
+                wrong = 0
+            skips &= not begins
+            if not skips:
+                yield record
+
+    def _note_absent(self, expected: int, number: int, manifest: Manifest, lost: set[str]) -> int:
+        """Say which segments before `number` are gone, those of one reason together; returns ticks without a gap."""
+        removed, known_ticks, ticks = manifest.removed, manifest.ticks, 0
+        names = [RunFolder.closed_name(absent) for absent in range(expected, number)]
+        for reason, group in groupby(names, lambda name: removed.get(name, "nobody knows why")):
+            gone = list(group)
+            what = f"{gone[0]} is gone" if len(gone) == 1 else f"{gone[0]} to {gone[-1]} are gone"
+            self._losses.append(f"{what}: {printable(reason)}")
+            self.known_losses += self._losses[-1:] if gone[0] in removed else []
+            # the segment after a lost one begins with that gap
+            ticks += sum(known_ticks.get(name, 1) for name in gone if name not in lost or name != names[-1])
+        return ticks
+
+    def _refuse(self, path: Path, why: str) -> None:
+        """Raises NotARunError for what no recorder writes, unless such a thing is to be passed over."""
+        if not self._tolerant:
+            raise NotARunError(f"{path} is not what a recorder writes: {why}; see infant log verify")
 
     def _number(self, file: McapPrefix) -> int:
         """Which segment this is; leaves damage in a file that does not belong to the run."""
@@ -164,8 +235,13 @@ class RunReader:
                 mine.boot_id,
                 mine.created_utc,
             ):
-                return int(file.metadata["segment"]["number"])
-            file.damage = "a file of another run at byte 0"
+                try:
+                    return segment_number(file.metadata) or 0
+                except ValueError as error:
+                    file.damage, file.foreign = f"{error} at byte 0", True
+                    self._refuse(file.path, file.damage)
+            else:
+                file.damage = "a file of another run at byte 0"
         match = CLOSED_NAME.fullmatch(file.path.name)
         return int(match[1]) if match else 0
 
@@ -185,10 +261,10 @@ class RunReader:
             if record.topic == "/scan":
                 scan = record
             elif record.topic == "/tick":
-                current = _recorded_tick(record, scan, gaps)
+                current = self._recorded_tick(record, scan, gaps)
                 scan, gaps = None, []
             elif record.topic == "/gap":
-                gaps.append(decode_gap(record.data))
+                gaps.append(decoded(record, decode_gap, self.place))
                 self.gaps.append(gaps[-1])
             elif current is not None and record.topic == "/diagnostics":
                 current.inputs.append(record)
@@ -196,6 +272,11 @@ class RunReader:
                 current.outcomes[record.topic] = record
         if current is not None:
             yield self._counted(current)
+
+    def _recorded_tick(self, record: Record, scan: Record | None, gaps: list[Gap]) -> RecordedTick:
+        ranges_m = None if scan is None else decoded(scan, decode_ranges_m, self.place)
+        tick = decoded(record, lambda data: decode_tick(data, ranges_m), self.place)
+        return RecordedTick(tick, [record] if scan is None else [scan, record], gaps, self.place)
 
     def _counted(self, recorded: RecordedTick) -> RecordedTick:
         self._ticks += 1
@@ -212,12 +293,6 @@ def _first_header(paths: list[Path]) -> tuple[McapPrefix, RunHeader]:
         try:
             return file, RunHeader.from_metadata(file.metadata)
         except (ValueError, KeyError) as error:
-            refusals.append((path, file.damage or str(error), error))
+            refusals.append((path, str(error) if file.metadata else file.damage or str(error), error))
     path, why, cause = refusals[0]
-    raise NotARunError(f"{path} cannot be read as a run: {why}; nothing in it can be trusted") from cause
-
-
-def _recorded_tick(record: Record, scan: Record | None, gaps: list[Gap]) -> RecordedTick:
-    ranges_m: NDArray[np.float32] | None = None if scan is None else decode_ranges_m(scan.data)
-    inputs = [record] if scan is None else [scan, record]
-    return RecordedTick(decode_tick(record.data, ranges_m), inputs, gaps)
+    raise NotARunError(f"{path} cannot be read as a run: {printable(why)}; nothing in it can be trusted") from cause

@@ -4,7 +4,7 @@ import contextlib
 import errno
 import fcntl
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from runtime.record.folder import RunFolder
@@ -23,6 +23,26 @@ class OldSegment:
     path: Path
     manifest: Manifest
 
+    @property
+    def drawn(self) -> Path:
+        """The part of the review that goes with it."""
+        return self.path.with_name("review" + self.path.stem.removeprefix("run") + ".rrd")
+
+    @property
+    def size(self) -> int:
+        """Bytes on disk, 0 for what is gone."""
+        return sum(path.stat().st_size for path in (self.path, self.drawn) if path.is_file())
+
+    def remove(self, reason: str) -> None:
+        """Say so in the manifest, then remove the files. Raises OSError."""
+        self.manifest.add("removed", name=self.path.name, reason=reason)
+        with contextlib.suppress(OSError):  # a full disk may have no room for the manifest either
+            self.manifest.save()  # before the file goes: a loss of power between the two leaves more than was promised
+        self.path.unlink()
+        self.drawn.unlink(missing_ok=True)
+        if not self.manifest.saved:
+            self.manifest.save()
+
 
 def is_being_written(path: Path) -> bool:
     """Whether a recorder of this machine has the file open; it locks what it writes."""
@@ -34,47 +54,61 @@ def is_being_written(path: Path) -> bool:
     return False
 
 
-def make_room(folder: RunFolder, manifest: Manifest, settings: RecordSettings, is_full: bool) -> str:
-    """Remove what the settings do not allow to stay, at most what is necessary.
+@dataclass(slots=True)
+class MadeRoom:
+    """removed: which segments went, a sentence each. trouble: what is wrong if nothing more can go, "" otherwise."""
+
+    removed: list[str] = field(default_factory=list)
+    trouble: str = ""
+
+
+def make_room(folder: RunFolder, manifest: Manifest, settings: RecordSettings, is_full: bool) -> MadeRoom:
+    """Remove what the settings do not allow to stay, at most what is necessary, and nothing where it would not help.
 
     folder, manifest: of the run that is being recorded. is_full: the disk has just refused; then one segment goes in
-    any case. Returns what is wrong if nothing more can go, "" otherwise. Raises OSError.
+    any case. Raises OSError.
     """
+    made = MadeRoom()
     if not folder.path.is_dir():
-        return ""  # the disk is gone, and whoever writes says so
-    others = _other_runs(folder) if settings.budget_gb else []
-    candidates = _closed(folder, manifest) + [old for run in others for old in _closed(*run)]
-    candidates.sort(key=lambda old: old.age_ns, reverse=True)  # the oldest is popped first
+        return made  # the disk is gone, and whoever writes says so
+    if not (settings.budget_gb or is_full or _missing_bytes(folder, settings) > 0):
+        return made  # other runs are many files: they are looked at only when there is a reason
+    others = _other_runs(folder) if settings.budget_gb or settings.remove_older_runs else []
+    candidates = _closed(folder, manifest)
+    candidates += [old for run in others for old in _closed(*run)]
+    candidates.sort(key=lambda old: (old.manifest is manifest, old.age_ns), reverse=True)  # the last one goes first
     runs = (folder, *(run for run, _ in others))
     used = sum(path.stat().st_size for run in runs for path in (*run.segment_paths(), *run.review_paths()))
-    while True:
-        reason = _excess(folder, settings, used) or ("the disk was full" if is_full else "")
-        if not reason:
-            return ""
+    while reason := _excess(folder, settings, used) or ("the disk was full" if is_full else ""):
+        possible = sum(old.size for old in candidates)
         if not candidates:
-            return f"{reason}, and there is no unmarked segment to remove"
+            made.trouble = f"{reason}, and there is no unmarked segment to remove"
+            break
+        over_budget = settings.budget_gb and used > settings.budget_gb * BYTES_PER_GB
+        if not (over_budget or is_full) and possible < _missing_bytes(folder, settings):
+            made.trouble = f"{reason}, which the {possible / BYTES_PER_GB:.2f} GB of unmarked segments would not reach"
+            break
         old = candidates.pop()
-        drawn = old.path.with_name("review" + old.path.stem.removeprefix("run") + ".rrd")
-        used -= old.path.stat().st_size
+        used -= old.size
         is_full = False
-        old.manifest.add("removed", name=old.path.name, reason=f"removed for room: {reason}")
-        with contextlib.suppress(OSError):  # a full disk may have no room for the manifest either
-            old.manifest.save()  # before the file goes: a loss of power between the two leaves more than was promised
-        old.path.unlink()
-        if drawn.is_file():
-            used -= drawn.stat().st_size
-            drawn.unlink()
-        if not old.manifest.saved:
-            old.manifest.save()
+        old.remove(f"removed for room: {reason}")
+        made.removed.append(f"{old.path.parent.name}/{old.path.name} removed for room: {reason}")
+    return made
+
+
+def _missing_bytes(folder: RunFolder, settings: RecordSettings) -> float:
+    """How much more of the disk would have to be free."""
+    disk = os.statvfs(folder.path)
+    return settings.keep_free_gb * BYTES_PER_GB - disk.f_bavail * disk.f_frsize
 
 
 def _excess(folder: RunFolder, settings: RecordSettings, used: int) -> str:
     if settings.budget_gb and used > settings.budget_gb * BYTES_PER_GB:
         return f"runs take {used / BYTES_PER_GB:.2f} GB, record.budget_gb allows {settings.budget_gb:g}"
-    disk = os.statvfs(folder.path)
-    free = disk.f_bavail * disk.f_frsize
-    if free < settings.keep_free_gb * BYTES_PER_GB:
-        return f"{free / BYTES_PER_GB:.2f} GB are free, record.keep_free_gb asks for {settings.keep_free_gb:g}"
+    missing = _missing_bytes(folder, settings)
+    if missing > 0:
+        free_gb = settings.keep_free_gb - missing / BYTES_PER_GB
+        return f"{free_gb:.2f} GB are free, record.keep_free_gb asks for {settings.keep_free_gb:g}"
     return ""
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 
 from runtime.messages.tick import Gap, Record, encode_gap
 from runtime.record.folder import RunFolder
+from runtime.record.header import segment_number
 from runtime.record.manifest import Manifest
 from runtime.record.mcap_file import RecordFile
 from runtime.record.mcap_prefix import McapPrefix
@@ -48,6 +49,11 @@ class Segments:
     def pending_bytes(self) -> int:
         """Bytes that the disk has not taken yet."""
         return self._held_bytes + (self._file.pending_bytes if self._file is not None else 0)
+
+    @property
+    def chunk_bytes(self) -> int:
+        """Bytes in the chunk that is not finished."""
+        return self._file.chunk_bytes if self._file is not None else 0
 
     def mark(self, reason: str) -> None:
         """Preserve this moment: the segment at hand, the one before and the one after. On disk with the next write."""
@@ -130,7 +136,9 @@ class Segments:
         if self._number and path.exists():  # a disk is back, with what was written on it until it went
             cut = McapPrefix(path)
             cut.read_head()
-            old = self.folder.closed_path(int(cut.metadata.get("segment", {}).get("number", number)))
+            old = self.folder.closed_path(number)
+            with contextlib.suppress(ValueError):  # somebody else's file has been put there meanwhile
+                old = self.folder.closed_path(segment_number(cut.metadata) or number)
             os.rename(path, self.folder.closed_path(number) if old.exists() else old)
             number = max([self._number, *self.folder.closed_segments()]) + 1
         return RecordFile(path, {**self._metadata, "segment": {"number": str(number)}}), number
@@ -177,7 +185,7 @@ class Segments:
         path = self.folder.mcap_path
         if not self._ending:
             path = self.folder.closed_path(self._number)
-            os.chmod(self.folder.mcap_path, 0o444)
+            file.protect()
             os.rename(self.folder.mcap_path, path)
         self.manifest.add(
             "segment",

@@ -6,6 +6,7 @@ import numpy as np
 
 from drivers.measurements import FloatArray
 from runtime.errors import UsageError
+from runtime.messages.decoding import decoded
 from runtime.messages.estimate import decode_poses
 from runtime.messages.tick import decode_defect, decode_truth
 from runtime.record.reader import RunReader
@@ -49,12 +50,12 @@ def read_trajectories(reader: RunReader) -> Trajectories:
     defects: list[str] = []
     for record in reader.records():
         if record.topic == "/estimate":
-            for column, pose in zip(columns, decode_poses(record.data), strict=True):
+            for column, pose in zip(columns, decoded(record, decode_poses, reader.place), strict=True):
                 column.append(_row(record.stamp_ns, pose))
         elif record.topic == "/truth":
-            simulated.append(_row(record.stamp_ns, decode_truth(record.data)))
+            simulated.append(_row(record.stamp_ns, decoded(record, decode_truth, reader.place)))
         elif record.topic == "/defect":
-            defects.append(decode_defect(record.data))
+            defects.append(decoded(record, decode_defect, reader.place))
     if not columns[0]:
         raise UsageError(f"{reader.folder.path} holds no estimates; replay it first")
     estimated, particles, odometry = (np.array(column) for column in columns)

@@ -1,6 +1,7 @@
-"""Names the first field in which a replayed estimate is not the recorded one."""
+"""Names the first field in which a replayed estimate is not the recorded one, and how far apart the poses are."""
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,43 @@ import numpy as np
 from runtime.messages.estimate import decode_estimate, encode_estimate
 from runtime.record.reader import RecordedTick
 from slam.estimate import Estimate
+
+TOLERANCE_M = 0.01  # between processors of two kinds; those tried differ by 1e-14 m after 30 s
+TOLERANCE_DEG = 0.3
+
+
+@dataclasses.dataclass(slots=True)
+class Deviation:
+    """The largest difference between the published poses of a record and those of its replay."""
+
+    largest_m: float = 0.0
+    largest_deg: float = 0.0
+
+    def note(self, recorded: RecordedTick, estimate: Estimate) -> None:
+        """One tick; nothing where none was recorded."""
+        was = recorded.estimate
+        if was is None:
+            return
+        before, now = was.map_from_body, estimate.map_from_body
+        apart_m = math.hypot(now.x_m - before.x_m, now.y_m - before.y_m)
+        turned_rad = now.heading_rad - before.heading_rad
+        if not math.isfinite(apart_m + turned_rad):
+            apart_m, turned_rad = math.inf, 0.0
+        turned_deg = abs(math.degrees(math.remainder(turned_rad, math.tau)))
+        self.largest_m, self.largest_deg = max(self.largest_m, apart_m), max(self.largest_deg, turned_deg)
+
+    @property
+    def is_allowed(self) -> bool:
+        """Whether another processor may be the cause."""
+        return self.largest_m <= TOLERANCE_M and self.largest_deg <= TOLERANCE_DEG
+
+    @property
+    def sentence(self) -> str:
+        """Both figures, with what is allowed."""
+        return (
+            f"the pose differs by at most {self.largest_m:.2g} m, {self.largest_deg:.2g} deg "
+            f"(allowed {TOLERANCE_M:g} m, {TOLERANCE_DEG:g} deg)"
+        )
 
 
 def first_difference(recorded: RecordedTick, estimate: Estimate, state_hash: bytes) -> str:

@@ -17,11 +17,13 @@ from runtime.map_files.start import AS_RECORDED, BeginIn, RunStart, for_estimato
 from runtime.messages.estimate import encode_estimate
 from runtime.messages.records import outcome_records
 from runtime.messages.tick import Record
+from runtime.record.check import alterations_of
 from runtime.record.folder import RunFolder
 from runtime.record.header import installed_versions, other_versions
 from runtime.record.mcap_file import RunWriter
 from runtime.record.reader import RecordedTick, RunReader
-from runtime.replay.difference import first_difference
+from runtime.replay.difference import Deviation, first_difference
+from runtime.service.processor import other_kind
 from runtime.settings.configuration import Configuration, load_configuration, load_configuration_text
 from runtime.settings.retired import ignored_settings
 from runtime.tick import CompletedTick, Timing
@@ -40,6 +42,8 @@ class ReplayResult:
 
     defects: ticks whose step raised and ended as a prediction; defect: why the first of them did.
     compared: ticks that had an estimate to compare with. difference: one sentence on the first tick that differs.
+    altered: what of the record is not as it was closed, sentences; looked for by a replay that verifies.
+    other_processor: how the recording one differs in kind from this one, "" if it does not; then `deviation` is known.
     identical: None when nothing was compared.
     """
 
@@ -48,6 +52,9 @@ class ReplayResult:
     compared: int = 0
     difference: str = ""
     truncated: str = ""
+    altered: list[str] = field(default_factory=list)
+    other_processor: str = ""
+    deviation: Deviation = field(default_factory=Deviation)
     first_stamp_ns: int = 0
     last_stamp_ns: int = 0
     elapsed_s: float = 0.0
@@ -60,6 +67,13 @@ class ReplayResult:
     def identical(self) -> bool | None:
         """Whether everything compared was equal to the last bit; None when there was nothing to compare."""
         return not self.difference if self.compared or self.difference else None
+
+    @property
+    def within_tolerance(self) -> bool | None:
+        """Whether a replay on a processor of another kind is as near as it can be; None where the kind is the same."""
+        if not self.other_processor or not self.difference:
+            return None
+        return self.deviation.is_allowed
 
     @property
     def recording_s(self) -> float:
@@ -85,7 +99,7 @@ def replay(
     make = estimator_factory or partial(Estimator, start=for_estimator(start))
     estimator = make(configuration.slam, configuration.seed)
     writer = _writer(reader, configuration, out, start)
-    result = ReplayResult()
+    result = ReplayResult(other_processor=other_kind(reader.header.versions, installed_versions()) if verify else "")
     began_ns = time.perf_counter_ns()
     try:
         for recorded in reader.ticks():
@@ -97,6 +111,8 @@ def replay(
             result.defects, result.defect = result.defects + bool(events), result.defect or defect
             if verify and not result.difference:
                 _compare(result, recorded, estimate, state_hash)
+            if verify and result.other_processor:
+                result.deviation.note(recorded, estimate)
             if writer is not None:
                 writer.add(_records(recorded, estimate, result.steps_ns[-1], state_hash, defect))
             _note(result, recorded, estimate)
@@ -106,6 +122,8 @@ def replay(
         if writer is not None:
             writer.close()
     result.truncated = reader.truncated
+    if verify:
+        result.altered = alterations_of(reader)
     result.elapsed_s = (time.perf_counter_ns() - began_ns) * 1e-9
     if progress is not None:
         progress(1.0)
@@ -134,7 +152,7 @@ def replay_run(
     start = begin.start(reader.header, reader.folder, configuration)
     folder = None
     if out is not None or reader.header.is_import:
-        folder = RunFolder.create(out, reader.folder.replays_path)
+        folder = reader.folder.new_replay(out)
         folder.write_configuration(configuration.text)
     Estimator.warm_up(configuration.slam)
     if folder is not None and start is not None:
@@ -165,6 +183,10 @@ def summarise_replay(
         "compared": result.compared,
         "difference": result.difference or None,
         "truncated": result.truncated or None,
+        "altered": result.altered,
+        "other_processor": result.other_processor or None,
+        "within_tolerance": result.within_tolerance,
+        "deviation": result.deviation.sentence if result.other_processor else None,
         "recording_s": round(result.recording_s, 3),
         "elapsed_s": round(result.elapsed_s, 3),
         "times_real_time": round(result.recording_s / result.elapsed_s, 1) if result.elapsed_s > 0 else None,
@@ -264,8 +286,13 @@ def replay_lines(summary: dict[str, Any]) -> list[str]:
     if summary["defects"]:
         lines.append(defects_line(summary["defects"], summary["ticks"], summary["defect"]))
     if summary["identical"] is not None:
-        same = f"identical to the record, every bit of {summary['compared']} estimates and state hashes"
-        lines.append(f"verify    {same if summary['identical'] else 'DIFFERS: ' + summary['difference']}")
+        left = " of what is left" if summary["altered"] else ""
+        same = f"identical to the record{left}, every bit of {summary['compared']} estimates and state hashes"
+        differs = f"DIFFERS: {summary['difference']}"
+        if summary["within_tolerance"] is not None:
+            differs = f"other processor: {summary['other_processor']}; {summary['deviation']}; {summary['difference']}"
+            differs = differs if summary["within_tolerance"] else f"DIFFERS, and on an {differs}"
+        lines.append(f"verify    {same if summary['identical'] else differs}")
     if summary["truncated"] is not None:
         lines.append(f"note      {summary['truncated']}")
     if summary["out"] is not None:

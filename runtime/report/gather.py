@@ -14,6 +14,8 @@ from runtime.errors import NotAMapError, UsageError
 from runtime.evaluate.evaluate import against_data_set, against_simulation, nothing_known
 from runtime.evaluate.truth import DataSetTruth
 from runtime.map_files.start import recorded_start
+from runtime.messages.decoding import decoded
+from runtime.printable import printable
 from runtime.record.reader import RecordedTick, RunReader
 from runtime.record.trajectories import Trajectories, with_estimates
 from runtime.report.device_clock import DeviceClockReader
@@ -49,7 +51,7 @@ def gather(run: Path) -> RunFacts:
     clock = DeviceClockReader()
     for record in reader.records():
         if record.topic == "/raw/laser":
-            clock.feed(record)
+            decoded(record, lambda _: clock.feed(record), reader.place)  # noqa: B023 called at once
     return pass_.facts(reader, inputs, configuration, clock)
 
 
@@ -121,7 +123,7 @@ class Gathering:
         self, reader: RunReader, inputs: RunReader, configuration: Configuration, clock: DeviceClockReader
     ) -> RunFacts:
         """Everything as columns. reader: of the estimates; inputs: of the run, the same unless it was imported."""
-        name = inputs.folder.path.name
+        name = printable(inputs.folder.path.name)
         rows = np.array(self.rows)
         ticks = TickColumns(
             rows[:, 0],

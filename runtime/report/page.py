@@ -11,6 +11,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from runtime.printable import printable
 from runtime.report.facts import RunFacts
 from runtime.report.finding import Finding, Interval, span_text
 from runtime.report.plots import Line, map_plot, time_plot, timeline
@@ -42,6 +43,7 @@ def page(facts: RunFacts, findings: Sequence[Finding], figures: dict[str, Any]) 
         origin=_origin(facts),
         tiles=tiles(figures),
         timeline=_timeline(facts, findings),
+        configuration=Markup("\n").join(map(printable, facts.configuration.text.split("\n"))),
         drawings={
             "where": _where(facts),
             "timing": _timing(facts, findings),
@@ -60,10 +62,11 @@ def page(facts: RunFacts, findings: Sequence[Finding], figures: dict[str, Any]) 
 
 
 def rendered(template: str, **values: Any) -> str:
-    """A page from a file in templates/; values are escaped unless they are Markup."""
+    """A page from a file in templates/; values are escaped, control characters too, unless they are Markup."""
     environment = Environment(
         loader=PackageLoader("runtime.report"),
         autoescape=True,
+        finalize=lambda value: printable(value) if type(value) is str else value,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

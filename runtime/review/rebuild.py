@@ -6,8 +6,10 @@ from pathlib import Path
 
 from runtime.atomic_write import replacement
 from runtime.errors import StorageError
-from runtime.messages.pipe import TOPICS
+from runtime.messages.decoding import decoded
+from runtime.messages.pipe import DRAWN
 from runtime.optional_packages import needs
+from runtime.printable import printable
 from runtime.record.folder import RunFolder
 from runtime.record.reader import RunReader
 from runtime.settings.configuration import load_configuration_text
@@ -32,7 +34,7 @@ def build_review(
     reader = RunReader(run)
     header = reader.header
     configuration = load_configuration_text(header.configuration_text, source=str(run))
-    facts = {"run": reader.folder.path.name, "source": header.source, "created": header.created_utc} | {
+    facts = {"run": printable(reader.folder.path.name), "source": header.source, "created": header.created_utc} | {
         name: header.versions[name] for name in ("infant", "rerun-sdk") if name in header.versions
     }
     track = truth_track(reader)
@@ -43,8 +45,8 @@ def build_review(
         with replacement(out_rrd) as unfinished:
             writer = ReviewWriter(unfinished, given, configuration.slam.mount, facts, track)
             for record in reader.records():
-                if record.topic in TOPICS:
-                    writer.feed(record)
+                if record.topic in DRAWN:
+                    decoded(record, lambda _: writer.feed(record), reader.place)  # noqa: B023 called at once
                     if progress is not None and record.topic == "/tick":
                         progress(reader.read_fraction)
             writer.close()

@@ -12,6 +12,7 @@ from drivers.measurements import Scan
 from runtime.errors import StorageError
 from runtime.messages.pipe import CARRIED, SEGMENT
 from runtime.messages.tick import Record
+from runtime.printable import printable
 from runtime.record.folder import RunFolder
 from runtime.review.columns import SIGMAS, ReviewColumns, mixed
 from runtime.review.curves import draw_curves
@@ -73,6 +74,7 @@ class ReviewWriter:
         self._track_drawn = 0
         self._paths: dict[str, list[tuple[float, float]]] = {name: [] for name in PATHS}
         self._facts = dict(facts or {})
+        self._name = printable(self._facts.get("run", path.parent.name))
         self._recording = self._begin()
         self._columns = ReviewColumns(self._recording)
 
@@ -102,13 +104,13 @@ class ReviewWriter:
 
     def _begin(self) -> rr.RecordingStream:
         """A new file; all files of a run have one identity, by which a viewer puts them together."""
-        recording = rr.RecordingStream("infant", recording_id=f"infant-{self._path.parent.name}")
+        recording = rr.RecordingStream("infant", recording_id=f"infant-{self._name}")
         try:
             # a footer would keep a manifest of all chunks in memory: 155 MB an hour
             recording.save(self._path, layout(self._state.extent, True), write_footer=False)
         except (RuntimeError, OSError) as error:
             raise StorageError(f"{self._path} cannot be written ({error}); give a folder that can") from error
-        recording.send_recording_name(self._path.parent.name or "run")
+        recording.send_recording_name(self._name or "run")
         draw_static(recording, self._facts, SIGMAS, self._body_from_laser)
         if self._track is not None:
             draw_set_truth(recording, self._track.landmarks_m)

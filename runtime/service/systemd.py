@@ -1,9 +1,13 @@
 """Messages to the service manager: one datagram each (sd_notify(3)), nothing where there is no manager."""
 
+import contextlib
 import os
 import socket
 from typing import TextIO
 
+from runtime.printable import printable
+
+LONGEST = 1000  # characters of a status
 STOP_US = 80_000_000  # TimeoutStopSec of the unit: a minute for the review, some seconds for sensors and record
 
 
@@ -29,7 +33,7 @@ class ServiceManager:
 
     def status(self, text: str) -> None:
         """The line that `systemctl status` shows."""
-        self._send(f"STATUS={text}")
+        self._send(f"STATUS={printable(text, LONGEST)}")  # a line of its own would be another message to the manager
 
     def stopping(self) -> None:
         """The shutdown has begun: no tick feeds the watchdog any more, which would end us before all is written."""
@@ -65,5 +69,6 @@ class WatchdogFeed:
             self._reported = ""
         elif not self._reported:
             self._reported = stuck
-            self._stream.write(f"infant: {stuck}; the watchdog is not fed any more and will restart the service\n")
-            self._stream.flush()
+            with contextlib.suppress(OSError, ValueError):  # nobody may read it any more
+                self._stream.write(f"infant: {stuck}; the watchdog is not fed any more and will restart the service\n")
+                self._stream.flush()

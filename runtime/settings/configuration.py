@@ -17,7 +17,9 @@ from drivers.settings.laser import LaserSettings
 from drivers.settings.layouts import Cia406Layout, DbcLayout
 from drivers.settings.simulation import SimulationSettings
 from drivers.settings.vehicle import VehicleSettings
+from runtime.bounded_read import read_bounded
 from runtime.errors import ConfigurationError
+from runtime.printable import printable
 from runtime.settings.data_set import DataSetSettings
 from runtime.settings.loop import LoopSettings
 from runtime.settings.map import MapSettings
@@ -26,11 +28,17 @@ from runtime.settings.publish import PublishSettings
 from runtime.settings.record import RecordSettings
 from runtime.settings.retired import refusals, translated
 from runtime.settings.review import ReviewSettings
+from runtime.settings.trees import unusable
 from runtime.source_tree import CONFIG
 from slam.settings.odometry import POSE_NOISE
 from slam.settings.slam import SlamSettings
 
 Tree = dict[str, Any]
+
+LARGEST_BYTES = 64 << 10  # of a file; all keys with all comments take 20 kB
+DEEPEST = 16  # tables in tables
+MOST_PROBLEMS = 20  # sentences about one file
+LONGEST_PROBLEM, LONGEST_VALUE = 1000, 200  # characters
 
 
 class Configuration(BaseModel):
@@ -98,11 +106,12 @@ def load_configuration(path: Path, overrides: Mapping[str, str] | None = None) -
     Raises ConfigurationError (exit code 3) with one sentence per problem.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_bounded(path, LARGEST_BYTES).decode()
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8 text") from error
-    except OSError as error:
-        raise ConfigurationError(f"{path}: cannot be read ({error.strerror}); give the path of a TOML file") from error
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise ConfigurationError(f"{path}: cannot be read ({why}); give the path of a TOML file") from error
     return _with_files(load_configuration_text(text, overrides, source=str(path), recorded=False), path.parent)
 
 
@@ -145,14 +154,23 @@ def _with_files(configuration: Configuration, folder: Path) -> Configuration:
 
 
 def _refused(source: str, problems: list[str]) -> ConfigurationError:
-    return ConfigurationError("\n".join(f"{source}: {problem}" for problem in problems))
+    more = [f"and {len(problems) - MOST_PROBLEMS} more of this kind"] if len(problems) > MOST_PROBLEMS else []
+    shown = [printable(f"{source}: {problem}", LONGEST_PROBLEM) for problem in problems[:MOST_PROBLEMS] + more]
+    return ConfigurationError("\n".join(shown))
 
 
 def _parsed(text: str, source: str) -> Tree:
+    if len(text) > LARGEST_BYTES:
+        raise _refused(source, [f"it has {len(text)} characters, a configuration has at most {LARGEST_BYTES}"])
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{source}: not valid TOML: {error}") from error
+        tree = tomllib.loads(text)
+    except RecursionError:
+        raise _refused(source, [f"not valid TOML: tables in tables more than {DEEPEST} times"]) from None
+    except ValueError as error:  # of numbers and dates too, which the library does not take for its own
+        raise _refused(source, [f"not valid TOML: {error}"]) from error
+    if problem := unusable(tree, DEEPEST):
+        raise _refused(source, [problem])
+    return tree
 
 
 def _handed_on(tree: Tree) -> list[str]:
@@ -168,10 +186,14 @@ def _handed_on(tree: Tree) -> list[str]:
 
 def _set(tree: Tree, key: str, text: str) -> None:
     """Put one override into the tree; the text is a TOML value, or a bare word taken as a string."""
+    if len(text) > LARGEST_BYTES or key.count(".") > DEEPEST:
+        raise ConfigurationError(f"{printable(key, 100)}: a value of {len(text)} characters; give a shorter one")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         value = text
+    if problem := unusable({key: value}, DEEPEST):
+        raise ConfigurationError(printable(problem))
     *tables, last = key.split(".")
     for table in tables:
         tree = tree.setdefault(table, {})
@@ -189,7 +211,7 @@ def _sentence(problem: Any) -> str:
             known = _fields_at(location[:-1])
             close = difflib.get_close_matches(str(location[-1]), known, n=1)
             hint = f"did you mean {close[0]}?" if close else f"known keys here: {', '.join(sorted(known))}"
-            return f"{key} = {problem['input']!r}: unknown key; {hint}"
+            return f"{key} = {_shown(problem)}: unknown key; {hint}"
         case "union_tag_invalid":
             key, tags = f"{key}.{_discriminator(problem)}", problem["ctx"]["expected_tags"]
             return f"{key} = {problem['ctx']['tag']!r}: expected one of {tags}; change it in the configuration"
@@ -199,7 +221,11 @@ def _sentence(problem: Any) -> str:
             return f"{key}: missing; add it to the configuration"
         case _:
             expected = problem["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-            return f"{key} = {problem['input']!r}: expected {expected}; change it in the configuration"
+            return f"{key} = {_shown(problem)}: expected {expected}; change it in the configuration"
+
+
+def _shown(problem: Any) -> str:
+    return printable(repr(problem["input"]), LONGEST_VALUE)
 
 
 def _discriminator(problem: Any) -> str:

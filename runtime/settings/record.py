@@ -40,3 +40,8 @@ class RecordSettings(BaseModel):
         description="leave this much of the disk free: a system without space does not start again. The oldest "
         "unmarked segments of this run go for it. Raise it where others write to the disk too",
     )
+    remove_older_runs: bool = Field(
+        False,
+        description="let unmarked segments of older runs in the folder go for keep_free_gb too, before those of this "
+        "run. On where a card full of old runs must not cost the new one",
+    )

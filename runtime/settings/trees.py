@@ -18,6 +18,21 @@ def copy_of(tree: Tree) -> Tree:
     return {key: copy_of(value) if isinstance(value, dict) else value for key, value in tree.items()}
 
 
+def unusable(tree: Tree, deepest: int) -> str:
+    """Why a tree as it was read cannot hold settings, "" where it can: its depth, and control characters in texts."""
+    waiting: list[tuple[str, Any, int]] = [("", tree, 0)]
+    while waiting:
+        name, value, depth = waiting.pop()
+        if isinstance(value, dict | list):
+            if depth > deepest:
+                return f"{name}: tables or lists in each other more than {deepest} times"
+            inner = value.items() if isinstance(value, dict) else enumerate(value)
+            waiting += [(f"{name}.{key}".lstrip("."), each, depth + 1) for key, each in inner]
+        if any(not character.isprintable() for character in (name, value) if isinstance(character, str)):
+            return f"{name} = {value!r}: expected text without control characters; change it in the configuration"
+    return ""
+
+
 def _tables(tree: Tree, key: str) -> list[Tree]:
     """The tables on the way to a key, as far as they are there."""
     tables = [tree]

@@ -29,6 +29,6 @@ def validate_for_live_run(configuration: Configuration, source: str) -> None:
         from runtime.publish.session import rover_config
 
         try:
-            rover_config(configuration.publish, ())
+            rover_config(configuration.publish, configuration.rover, ())
         except ConfigurationError as error:
             raise ConfigurationError(f"{source}: {error}") from error

@@ -1,6 +1,5 @@
 """The recorder: takes what the loop and the wires give, and writes it to run.mcap on a thread of its own."""
 
-import struct
 import threading
 import time
 from collections.abc import Sequence
@@ -58,7 +57,8 @@ class Recorder:
         self._commands = CommandObeyer(folder, self._storage)
         self._intake = Intake()
         self._reported = Lost()  # in gaps of the record
-        self._encode_trouble = ""
+        self._encode_trouble = self._defect = ""
+        self._defects = 0
         self._at_disk_ns: int | None = None  # since when the thread waits for it
         self._stop = threading.Event()
         self._heartbeat = threads.heartbeat("recorder")
@@ -106,7 +106,7 @@ class Recorder:
         at_disk_ns = self._at_disk_ns
         waited_s = 0.0 if at_disk_ns is None else (self._now_ns() - at_disk_ns) * 1e-9
         waits = f"the disk has not answered for {waited_s:.0f} s" if waited_s > SLOW_DISK_S else ""
-        troubles = (self._encode_trouble, *self._storage.troubles, self._commands.trouble)
+        troubles = (self._defect, self._encode_trouble, *self._storage.troubles, self._commands.trouble)
         return "; ".join(filter(None, (STOPPED if stopped else "", waits, *troubles)))
 
     def _put(self, item: Item) -> None:
@@ -116,9 +116,18 @@ class Recorder:
     def _run(self) -> None:
         while not self._commands.stopped and not self._stop.wait(WAKE_S):
             self._heartbeat()
-            self._drain()
-        self._drain()
+            self._drain_whatever_comes()
+        self._drain_whatever_comes()
         self._storage.close()
+
+    def _drain_whatever_comes(self) -> None:
+        """An error of ours costs one round, is told, and does not end the record."""
+        try:
+            self._drain()
+            self._defect = ""
+        except Exception as error:  # noqa: BLE001 the black box goes on
+            self._defects += 1
+            self._defect = f"the recorder's thread failed {self._defects} time(s), last with {error!r}"
 
     def _drain(self) -> None:
         """Encode what waits, and let the disk have it."""
@@ -137,8 +146,8 @@ class Recorder:
     def _take(self, item: Item) -> None:
         try:
             records = records_of(item)
-        except (ValueError, TypeError, struct.error) as error:  # must not end the thread
-            self._encode_trouble = f"a value could not be encoded ({error})"
+        except Exception as error:  # noqa: BLE001 a value that cannot be written costs that value and not the thread
+            self._encode_trouble = f"a value could not be encoded ({error!r})"
             self._intake.lost.count(item)
             return
         for observer in self._observers:

@@ -1,8 +1,10 @@
 """The record's side of the disk: chunks, segments, room and marks. Each trouble is a state that names its cause."""
 
+import os
 from collections.abc import Callable
+from pathlib import Path
 
-from drivers.measurements import Event
+from drivers.measurements import Event, Severity
 from runtime.errors import StorageError
 from runtime.messages.ros import encode_events
 from runtime.messages.tick import Record
@@ -16,9 +18,11 @@ from runtime.settings.record import RecordSettings
 PENDING_BYTES = 8 << 20  # a minute of chunks that a disk refuses; beyond that the newest are lost and counted
 WAKE_S = 0.1  # the writer gathers instead of waking for every frame: each wake takes the loop's interpreter lock
 CHUNK_NS = 300_000_000  # with WAKE_S less than half a second is in memory when the process is killed
+CHUNK_BYTES = 4 << 20  # what waits behind a disk that stands must not become a chunk that no reader takes
 SYNC_NS = 1_000_000_000
 ROOM_NS = 5_000_000_000
 RETRY_NS = 500_000_000
+MOVED = "the run lies on another file system than at its start; was its disk unplugged?"
 
 
 class Storage:
@@ -41,7 +45,9 @@ class Storage:
         self._now_ns = now_ns
         self._segment_closed = segment_closed
         self._segments = Segments(folder, header.metadata, round(settings.segment_s * 1e9), now_ns)
-        self._troubles = {"write": "", "sync": "", "room": "", "mark": ""}
+        self._troubles = {"write": "", "sync": "", "room": "", "mark": "", "place": ""}
+        self._device = os.stat(folder.path).st_dev
+        self._stuck_marks: set[Path] = set()  # taken, and not to be removed
         self._is_full = False
         self._chunk_began_ns = self._synced_ns = self._tried_ns = self._room_ns = now_ns()
         self._write(self._tried_ns)
@@ -62,6 +68,8 @@ class Storage:
         """Into the chunk at hand; records of one call are never parted."""
         for record in records:
             self._segments.add(record)
+        if self._segments.chunk_bytes > CHUNK_BYTES:
+            self._segments.end_chunk()
 
     def mark(self, reason: str) -> None:
         """Keep the segments around this moment."""
@@ -81,10 +89,11 @@ class Storage:
         if now_ns - self._synced_ns >= SYNC_NS:
             self._synced_ns = now_ns
             self._sync()
+            self._check_place()
             self._take_marks(now_ns)
         if self._is_full or now_ns - self._room_ns >= ROOM_NS:
             self._room_ns = now_ns
-            self._make_room()
+            self._make_room(now_ns)
 
     def close(self) -> None:
         """Write everything with the index, as far as the disk lets it."""
@@ -120,22 +129,39 @@ class Storage:
         except OSError as error:
             self._troubles["sync"] = f"run.mcap is not safe on disk ({error.strerror})"
 
-    def _make_room(self) -> None:
+    def _make_room(self, now_ns: int) -> None:
         try:
-            self._troubles["room"] = make_room(self._folder, self._segments.manifest, self._settings, self._is_full)
+            made = make_room(self._folder, self._segments.manifest, self._settings, self._is_full)
+            self._troubles["room"] = made.trouble
+            self._note(now_ns, [Event(now_ns, "recorder", "removed", each, Severity.WARN) for each in made.removed])
         except OSError as error:
             self._troubles["room"] = f"old segments cannot be removed ({error.strerror})"
         self._is_full = False
+
+    def _note(self, now_ns: int, events: list[Event]) -> None:
+        """Into the record: what the recorder did itself."""
+        if events:
+            self._segments.add(encode_events(now_ns, events))
+
+    def _check_place(self) -> None:
+        """Whether the run still lies where it began: a disk that was pulled out leaves its folder to the system's."""
+        try:
+            moved = os.stat(self._folder.path).st_dev != self._device
+        except OSError:
+            moved = False  # whoever writes says what is wrong
+        self._troubles["place"] = MOVED if moved else ""
 
     def _take_marks(self, now_ns: int) -> None:
         """A mark's file goes only when the mark is on disk; one that is seen twice is one too many, not too few."""
         try:
             marks = take_marks(self._folder)
-            for reason in marks.values():
+            new = {path: reason for path, reason in marks.items() if path not in self._stuck_marks}
+            for reason in new.values():
                 self._segments.mark(reason)
-                self._segments.add(encode_events(now_ns, [Event(now_ns, "recorder", "mark", reason)]))
-            if marks:
+            if new:
                 self._segments.manifest.save()
+            self._note(now_ns, [Event(now_ns, "recorder", "mark", reason) for reason in new.values()])
+            self._stuck_marks = set(marks)
             for path in marks:
                 path.unlink(missing_ok=True)
             self._troubles["mark"] = ""

@@ -78,9 +78,12 @@ def test_a_router_that_shows_another_rovers_certificate_commands_nothing(fleet: 
 
 def test_a_question_with_wildcards_is_no_command(tmp_path: Path) -> None:
     file = tmp_path / "loopback.json5"
-    rule = '{id: "all", permission: "allow", flows: ["ingress"], key_exprs: ["**"], messages: ["query"]}'
+    rule = (
+        '{id: "all", permission: "allow", flows: ["ingress", "egress"], key_exprs: ["**"], '
+        'messages: ["query", "reply", "declare_queryable"]}'
+    )
     file.write_text(
-        f'{{access_control: {{enabled: true, default_permission: "allow", rules: [{rule}], '
+        f'{{access_control: {{enabled: true, default_permission: "deny", rules: [{rule}], '
         'subjects: [{id: "here", interfaces: ["lo"]}], policies: [{rules: ["all"], subjects: ["here"]}]}}'
     )
     port = free_port()
@@ -101,8 +104,8 @@ def test_commands_without_access_rules_stop_the_start(tmp_path: Path) -> None:
         load_configuration_text("[publish]\ncommands = true\n")
     plain = tmp_path / "plain.json5"
     plain.write_text('{mode: "peer"}')
-    with pytest.raises(ConfigurationError, match=r"publish.commands = True: expected access_control.enabled: true"):
-        rover_config(settings_on(0, commands=True, config_file=str(plain)), ())
+    with pytest.raises(ConfigurationError, match=r"publish.commands = True: access_control is not enabled"):
+        rover_config(settings_on(0, commands=True, config_file=str(plain)), "r1", ())
 
 
 def test_a_reason_that_says_nothing_or_too_much_is_refused() -> None:

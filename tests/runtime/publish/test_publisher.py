@@ -137,7 +137,8 @@ def test_a_ros2_node_that_knows_only_its_router_hears_the_rover() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     router = start_router(endpoint)
     try:
-        config = rover_config(settings_on(free_port(), connect=(endpoint,), ros2=True), ("tcp/127.0.0.1:0",))
+        config = rover_config(settings_on(free_port(), connect=(endpoint,), ros2=True), "r1", ("tcp/127.0.0.1:0",))
+        config.insert_json5("access_control/enabled", "false")  # a rover hears nothing; a node does
         with (
             publishing(settings_on(free_port(), connect=(endpoint,), ros2=True)) as publisher,
             zenoh.open(config) as node,

@@ -2,6 +2,7 @@
 
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -28,7 +29,7 @@ def test_the_oldest_segments_go_first_and_the_record_says_so(tmp_path: Path) -> 
     folder = driven(tmp_path / "run")
     manifest = Manifest.load(folder.manifest_path)
     settings = budget_of(*folder.segment_paths()[2:])
-    assert make_room(folder, manifest, settings, False) == ""
+    assert make_room(folder, manifest, settings, False).trouble == ""
     assert [path.name for path in folder.segment_paths()] == ["run-0003.mcap", "run.mcap"]
     reader = RunReader(folder.path)
     assert seqs(reader) == list(range(24, 40))
@@ -36,7 +37,7 @@ def test_the_oldest_segments_go_first_and_the_record_says_so(tmp_path: Path) -> 
     assert "removed for room: runs take" in reader.truncated
     found = verify_run(folder.path)
     assert found.damages == []  # the record says itself what it lacks
-    assert len(found.gaps) == 3
+    assert len(found.gaps) == 2  # both segments in one sentence, and their ticks
 
 
 def test_a_marked_segment_and_its_neighbours_stay(tmp_path: Path) -> None:
@@ -46,7 +47,7 @@ def test_a_marked_segment_and_its_neighbours_stay(tmp_path: Path) -> None:
     drive.run(42)
     folder = drive.end()
     manifest = Manifest.load(folder.manifest_path)
-    said = make_room(folder, manifest, RecordSettings(budget_gb=1e-9, **NO_RESERVE), False)
+    said = make_room(folder, manifest, RecordSettings(budget_gb=1e-9, **NO_RESERVE), False).trouble
     assert "no unmarked segment to remove" in said
     left = [path.name for path in folder.segment_paths()]
     assert left == ["run-0002.mcap", "run-0003.mcap", "run-0004.mcap"]
@@ -58,7 +59,7 @@ def test_older_runs_go_before_this_one_but_an_import_never_goes(tmp_path: Path) 
     (tmp_path / "import").mkdir()
     (tmp_path / "import" / "run.mcap").write_bytes(bytes(100_000))
     manifest = Manifest.load(newer.manifest_path)
-    assert make_room(newer, manifest, budget_of(*newer.segment_paths()), False) == ""
+    assert make_room(newer, manifest, budget_of(*newer.segment_paths()), False).trouble == ""
     assert older.segment_paths() == []
     assert len(newer.segment_paths()) == 4
     assert len(Manifest.load(older.manifest_path).removed) == 4
@@ -69,9 +70,38 @@ def test_without_a_budget_other_runs_are_not_touched_even_on_a_full_disk(tmp_pat
     older = driven(tmp_path / "older")
     newer = driven(tmp_path / "newer")
     manifest = Manifest.load(newer.manifest_path)
-    assert make_room(newer, manifest, RecordSettings(keep_free_gb=100_000.0), True) != ""
-    assert newer.segment_paths() == []
+    made = make_room(newer, manifest, RecordSettings(keep_free_gb=100_000.0), True)
+    assert "would not reach" in made.trouble
+    assert len(made.removed) == 1  # so that the record goes on; more of them would help nobody
+    assert len(newer.segment_paths()) == 3
     assert len(older.segment_paths()) == 4
+
+
+@pytest.mark.parametrize("allowed", [True, False])
+def test_where_allowed_older_runs_go_for_free_space_before_this_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, allowed: bool
+) -> None:
+    older, newer = driven(tmp_path / "older"), driven(tmp_path / "newer")
+    of_old = sum(path.stat().st_size for path in older.segment_paths())
+
+    def disk(path: Path) -> SimpleNamespace:
+        left = sum(each.stat().st_size for run in (older, newer) for each in run.segment_paths())
+        return SimpleNamespace(f_bavail=2 * of_old + 1_000_000 - left, f_frsize=1)
+
+    monkeypatch.setattr("runtime.record.room.os.statvfs", disk)
+    settings = RecordSettings(keep_free_gb=(1_000_000 + of_old / 2) / 1e9, remove_older_runs=allowed)
+    made = make_room(newer, Manifest.load(newer.manifest_path), settings, False)
+    assert made.trouble == ""
+    assert {name.split("/")[0] for name in made.removed} == {"older" if allowed else "newer"}
+    assert len(newer.segment_paths() if allowed else older.segment_paths()) == 4
+
+
+def test_nothing_goes_where_it_would_not_help(tmp_path: Path) -> None:
+    folder = driven(tmp_path / "run")
+    made = make_room(folder, Manifest.load(folder.manifest_path), RecordSettings(keep_free_gb=100_000.0), False)
+    assert made.removed == []
+    assert "would not reach" in made.trouble
+    assert len(folder.segment_paths()) == 4
 
 
 def test_what_is_being_written_stays(tmp_path: Path) -> None:
@@ -109,7 +139,7 @@ def test_a_mark_that_waits_keeps_the_run(tmp_path: Path) -> None:
     drive = Drive(tmp_path / "run")
     drive.run(15)
     assert not leave_mark(drive.folder, "nobody reads this yet", within_s=0.05)
-    assert make_room(drive.folder, drive.segments.manifest, RecordSettings(budget_gb=1e-9, **NO_RESERVE), False)
+    assert make_room(drive.folder, drive.segments.manifest, RecordSettings(budget_gb=1e-9, **NO_RESERVE), False).trouble
     assert len(drive.folder.segment_paths()) == 2
 
 

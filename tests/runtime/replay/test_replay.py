@@ -202,8 +202,8 @@ def test_a_setting_of_the_record_that_is_no_more_is_named_beside_the_difference(
     replay_run(imported, None, tmp_path / "first", False, {})
     opened = RunReader.__init__
 
-    def with_an_old_key(self: RunReader, *given: Path) -> None:
-        opened(self, *given)
+    def with_an_old_key(self: RunReader, path: Path) -> None:
+        opened(self, path)
         text = self.header.configuration_text.replace("particles = ", "cell_m = 7.0\nparticles = ", 1)
         self.header = dataclasses.replace(self.header, configuration_text=text)
 

@@ -141,7 +141,7 @@ def test_a_segment_that_goes_for_room_takes_its_picture_along(tmp_path: Path) ->
         folder.closed_path(number).write_bytes(bytes(1000))
         (tmp_path / folder.closed_review_name(number)).write_bytes(bytes(1000))
     settings = RecordSettings(budget_gb=2.5e-6, keep_free_gb=0.0)
-    assert make_room(folder, Manifest(folder.manifest_path), settings, is_full=False) == ""
+    assert make_room(folder, Manifest(folder.manifest_path), settings, is_full=False).trouble == ""
     assert sorted(path.name for path in tmp_path.glob("r*-*")) == ["review-0002.rrd", "run-0002.mcap"]
 
 

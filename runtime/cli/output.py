@@ -1,0 +1,29 @@
+"""What commands print: lines for a person, in which no foreign text moves a cursor or begins a line, or one JSON."""
+
+import json
+from collections.abc import Iterable
+from typing import Any
+
+import typer
+
+from runtime.printable import printable
+
+WHOLE = 1 << 30  # characters: lines are not cut here
+
+
+def say(*lines: str, err: bool = False) -> None:
+    """Print lines; each stays one."""
+    typer.echo("\n".join(printable(line, WHOLE) for line in lines), err=err)
+
+
+def say_json(value: Any) -> None:
+    """Print one JSON object and nothing else."""
+    typer.echo(json.dumps(value).replace("\x7f", "\\u007f"))  # all other control characters JSON escapes itself
+
+
+def answer(value: Any, lines: Iterable[str], as_json: bool) -> None:
+    """Print the result of a command in one of its two forms."""
+    if as_json:
+        say_json(value)
+    else:
+        say(*lines)

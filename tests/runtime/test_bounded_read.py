@@ -1,0 +1,30 @@
+import os
+from pathlib import Path
+
+import pytest
+
+from runtime.bounded_read import read_bounded
+
+
+def test_a_file_of_just_so_many_bytes_is_read(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"12345")
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    assert read_bounded(tmp_path / "link", 5) == b"12345"
+
+
+def test_what_is_no_small_file_is_refused_and_keeps_nobody_waiting(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"123456")
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    refusals = {
+        tmp_path / "file": "more than 5 bytes",
+        tmp_path / "pipe": "not a regular file",
+        tmp_path: "Is a directory",
+        Path("/dev/zero"): "not a regular file",
+        Path("/proc/self/mountinfo"): "more than 5 bytes",  # says of itself that it is empty
+    }
+    for path, why in refusals.items():
+        with pytest.raises(OSError, match=why):
+            read_bounded(path, 5)
+    with pytest.raises(OSError, match="symbolic links"):
+        read_bounded(tmp_path / "link", 10, follow=False)
