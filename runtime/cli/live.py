@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.maps import BeginIn, LocaliseOnly, StartAt
+from runtime.cli.begin_in import BeginIn, LocaliseOnly, StartAt
 from runtime.cli.output import say, say_json
 from runtime.cli.progress import AsJson, busy
 

@@ -1,20 +1,19 @@
-"""Commands on maps: map save, map info, map check, map draw."""
+"""Commands on maps: map save, map info, map check, map draw, map live."""
 
+import sys
+import threading
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from runtime.cli.live import stop_on_signals
 from runtime.cli.output import answer
 from runtime.cli.progress import AsJson, progress_bar
 
 Map = Annotated[Path, typer.Argument(metavar="MAP", help="file of a saved map", show_default=False)]
 
-BeginIn = Annotated[Path | None, typer.Option("--map", metavar="MAP", help="saved map to begin in; never altered")]
-LocaliseOnly = Annotated[bool, typer.Option("--localise-only", help="only find the pose in it: no new map is written")]
-StartAt = Annotated[
-    str | None, typer.Option("--start-at", metavar="X,Y,YAW", help="where in the map the rover stands, m and rad")
-]
+LOCAL_ROVER = "tcp/127.0.0.1:7448"
 
 
 def save(
@@ -66,5 +65,26 @@ def draw(
     answer(result, draw_lines(result), as_json)
 
 
-MAP_COMMANDS = (save, info, check, draw)
+def live(
+    rover: Annotated[str, typer.Option("--rover", help="name of the rover")],
+    connect: Annotated[str, typer.Option("--connect", help="zenoh endpoint of the rover or a router")] = LOCAL_ROVER,
+    zenoh_file: Annotated[
+        Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for a fleet's router")
+    ] = None,
+    resolution: Annotated[float, typer.Option(min=0.02, max=10.0, help="size of a cell of the grid, m")] = 0.05,
+    duration: Annotated[float | None, typer.Option(min=1.0, help="seconds; until Ctrl-C by default")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Publish the grid of a rover that drives, once a second on infant/ROVER/grid, as a process of its own."""
+    from runtime.maps.live_grid import publish_live_grid
+
+    stop = stop_on_signals()
+    if duration is not None:
+        threading.Timer(duration, stop.set).start()
+    file = None if zenoh_file is None else str(zenoh_file)
+    sent = publish_live_grid(connect, rover, resolution, file, stop, sys.stderr)
+    answer({"rover": rover, "grids": sent}, (f"grids     {sent} on infant/{rover}/grid",), as_json)
+
+
+MAP_COMMANDS = (save, info, check, draw, live)
 MAP_HELP = "A map in files, for another drive or for other programs."

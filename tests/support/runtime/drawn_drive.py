@@ -55,6 +55,11 @@ def cast(
 
 def drive(ticks: int, seed: int = 1, start_ns: int = 5_000_000_000) -> Iterator[list[Record]]:
     """Records of each tick."""
+    return (tick_records(completed) for completed in completed_ticks(ticks, seed, start_ns))
+
+
+def completed_ticks(ticks: int, seed: int = 1, start_ns: int = 5_000_000_000) -> Iterator[CompletedTick]:
+    """Each tick with what came of it."""
     rng = np.random.default_rng(seed)
     yard = poles(rng)
     seen = np.zeros(len(yard))
@@ -121,4 +126,4 @@ def drive(ticks: int, seed: int = 1, start_ns: int = 5_000_000_000) -> Iterator[
         wheels = tuple(WheelCounts(stamp_ns - 90_000_000 + k * 20_000_000, 10.0 * seq, 10.0 * seq) for k in range(5))
         timing = Timing(int(rng.exponential(80_000)), 0, {"read": 30_000, "step": int(rng.normal(11e6, 1e6))})
         tick = Tick(seq, stamp_ns, scan, wheels, events)
-        yield tick_records(CompletedTick(tick, estimate, timing, bytes(16), truth))
+        yield CompletedTick(tick, estimate, timing, bytes(16), truth)

@@ -1,0 +1,12 @@
+"""Words of the command line for a run that begins in a saved map."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+BeginIn = Annotated[Path | None, typer.Option("--map", metavar="MAP", help="saved map to begin in; never altered")]
+LocaliseOnly = Annotated[bool, typer.Option("--localise-only", help="only find the pose in it: no new map is written")]
+StartAt = Annotated[
+    str | None, typer.Option("--start-at", metavar="X,Y,YAW", help="where in the map the rover stands, m and rad")
+]

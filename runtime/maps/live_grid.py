@@ -1,0 +1,159 @@
+"""An occupancy grid of a rover that drives, made of what it says over zenoh in a process of its own.
+
+The rover's loop knows nothing of it. Work is bounded: a scan when one comes (publish.scan_hz), a picture of the grid
+once a second, and at most MOST_CELLS cells.
+"""
+
+import queue
+import threading
+import time
+from collections import deque
+from contextlib import suppress
+from itertools import pairwise
+from typing import Any, TextIO
+
+import numpy as np
+import zenoh
+
+from drivers.measurements import Scan, uniform_bearings
+from runtime.errors import SensorError
+from runtime.maps.grid_message import GRID, grid_bytes
+from runtime.messages.tick import decode
+from runtime.publish.session import short_reason, tool_config
+from runtime.settings.configuration import load_configuration_text
+from slam.front_end.deskew import Twist, deskew
+from slam.maps.occupancy_grid import OccupancyGrid
+from slam.pose import Pose2, wrap_rad
+from slam.quality import LOST_M
+from slam.settings.slam import SlamSettings
+
+GRID_S = 1.0
+MOST_CELLS = 25_000_000  # 200 MB of counts: 250 m by 250 m at 0.05 m
+POSES_KEPT = 100  # ten seconds at 10 Hz, for scans that come late
+ASK_S = 2.0
+WAKE_S = 0.2
+MOST_WAITING = 200  # messages
+
+
+class LiveGrid:
+    """Places scans by the poses around them and counts them; all stamps are the rover's wall time."""
+
+    def __init__(self, settings: SlamSettings, resolution_m: float) -> None:
+        self._settings = settings
+        self._poses: deque[tuple[int, Pose2, bool]] = deque(maxlen=POSES_KEPT)
+        self.grid = OccupancyGrid(resolution_m, MOST_CELLS)
+        self.trouble = ""
+
+    def add_pose(self, message: Any) -> None:
+        """geometry_msgs/PoseWithCovarianceStamped."""
+        variances = message.pose.covariance.reshape(6, 6)
+        known = bool(max(variances[0, 0], variances[1, 1]) < LOST_M**2)
+        at, turn = message.pose.pose.position, message.pose.pose.orientation
+        pose = Pose2(at.x, at.y, wrap_rad(2.0 * float(np.arctan2(turn.z, turn.w))))
+        self._poses.append((stamp_of(message), pose, known))
+
+    def add_scan(self, message: Any) -> bool:
+        """sensor_msgs/LaserScan; False where no pose is near it that could be believed."""
+        stamp_ns = stamp_of(message)
+        placed = self._placed(stamp_ns)
+        if placed is None:
+            return False
+        pose, twist = placed
+        ranges = message.ranges.copy()
+        bearings = uniform_bearings(message.angle_min, message.angle_increment, len(ranges))
+        middle = len(ranges) // 2
+        scan = Scan(stamp_ns, ranges, bearings, message.time_increment, middle, message.range_max)
+        mount, front_end = self._settings.mount, self._settings.front_end
+        beams = deskew(mount.upright(scan), twist, mount.as_pose(), front_end.range_min_m, front_end.range_max_m)
+        map_from_laser = pose @ mount.as_pose()
+        points = map_from_laser.transform(beams.points_m[np.isfinite(beams.ranges_m)])
+        try:
+            self.grid.add(map_from_laser.as_array()[:2], points, np.ones(len(points), dtype=np.bool_))
+        except MemoryError as error:
+            self.trouble = f"the grid would have {error}: nothing is added any more; give a coarser --resolution"
+            return False
+        return True
+
+    def _placed(self, stamp_ns: int) -> tuple[Pose2, Twist] | None:
+        """The pose at a time between two that were published, and the motion between them."""
+        for (before_ns, before, knew), (after_ns, after, knows) in pairwise(self._poses):
+            if before_ns <= stamp_ns <= after_ns and before_ns < after_ns:
+                if not (knew and knows):
+                    return None
+                step, share = before.inverse() @ after, (stamp_ns - before_ns) / (after_ns - before_ns)
+                per_s = 1e9 / (after_ns - before_ns)
+                part = Pose2(share * step.x_m, share * step.y_m, share * step.heading_rad)
+                return before @ part, Twist(step.x_m * per_s, step.y_m * per_s, step.heading_rad * per_s)
+        return None
+
+
+def stamp_of(message: Any) -> int:
+    """Nanoseconds in the header of a ROS message."""
+    return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+
+
+def publish_live_grid(
+    endpoint: str, rover: str, resolution_m: float, config_file: str | None, stop: threading.Event, said: TextIO
+) -> int:
+    """Listen to a rover and say its grid on infant/<rover>/grid once a second until `stop`; returns how often it did.
+
+    Raises SensorError where nobody answers, ConfigurationError where config_file cannot be used.
+    """
+    try:
+        session = zenoh.open(tool_config(endpoint, config_file))
+    except zenoh.ZError as error:
+        raise SensorError(f"{endpoint}: no connection ({short_reason(error)}); give --connect and --zenoh") from error
+    with session:
+        live = LiveGrid(_settings_of(session, endpoint, rover), resolution_m)
+        waiting: queue.Queue[tuple[str, bytes]] = queue.Queue(MOST_WAITING)
+        for name in ("pose", "scan"):
+            session.declare_subscriber(f"infant/{rover}/{name}", _into(waiting, name))
+        publisher = session.declare_publisher(
+            f"infant/{rover}/grid",
+            encoding=zenoh.Encoding(f"application/cdr;{GRID}"),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.DATA_LOW,
+        )
+        sent, next_s = 0, time.monotonic() + GRID_S
+        while not stop.is_set():
+            _take(live, waiting)
+            if time.monotonic() >= next_s and live.grid.scans:
+                publisher.put(grid_bytes(live.grid.grid_map(), time.time_ns()))
+                sent, next_s = sent + 1, time.monotonic() + GRID_S
+        if live.trouble:
+            said.write(f"infant: {live.trouble}\n")
+    return sent
+
+
+def _settings_of(session: zenoh.Session, endpoint: str, rover: str) -> SlamSettings:
+    """Where the laser sits, from the configuration that the rover says it has."""
+    for reply in session.get(f"infant/{rover}/configuration", timeout=ASK_S):
+        if reply.ok is not None:
+            return load_configuration_text(reply.ok.payload.to_string(), source=f"configuration of {rover}").slam
+    raise SensorError(f"{rover} does not answer at {endpoint}; is infant run running, and is this its name?")
+
+
+def _into(waiting: "queue.Queue[tuple[str, bytes]]", name: str) -> "zenoh.handlers.Callback[zenoh.Sample]":
+    """A subscriber's handler that never waits: when the queue is full the message is lost."""
+
+    def keep(sample: zenoh.Sample) -> None:
+        with suppress(queue.Full):
+            waiting.put_nowait((name, sample.payload.to_bytes()))
+
+    # indirect=True would start Python threads that hang or abort a process that ends without closing the session
+    return zenoh.handlers.Callback(keep, indirect=False)
+
+
+def _take(live: LiveGrid, waiting: "queue.Queue[tuple[str, bytes]]") -> None:
+    """All messages that wait; sleeps a moment where none does."""
+    try:
+        name, data = waiting.get(timeout=WAKE_S)
+        while True:
+            message = decode(f"/{name}", data)
+            if name == "pose":
+                live.add_pose(message)
+            else:
+                live.add_scan(message)
+            name, data = waiting.get_nowait()
+    except queue.Empty:
+        return
