@@ -2,25 +2,24 @@
 
 Three sources, from rough to fine: a nominal delay between measuring and arriving; the request for the device's time
 (TM), whose answers bracket the offset; and the lower envelope of the arrival delay in the stream, whose slope is the
-drift (see laser_drift). Nothing here looks at a clock.
+drift (see drift.py). A delay that changes for good moves neither the stamps nor the drift: the fastest messages of
+eight seconds tell how much it was. Nothing here looks at a clock.
 """
 
 import math
 from collections import deque
 from dataclasses import dataclass, replace
 
-from drivers.laser.counter import NS_PER_MS, CounterStatus, CounterUnwrap
-from drivers.laser.drift import HALF_MS_NS, POINTS_MIN, fastest_slope, slowest_slope, weigh
+from drivers.laser.timing.counter import NS_PER_MS, CounterStatus, CounterUnwrap
+from drivers.laser.timing.delay_steps import BUCKET_NS, DelaySteps
+from drivers.laser.timing.drift import HALF_MS_NS, POINTS_MIN, fastest_slope, slowest_slope, weigh
 
-BUCKET_NS = 500_000_000
 BUCKETS = 600  # five minutes: a crystal's drift changes with temperature, not faster
 ANCHOR_LATE_NS = 50_000_000  # by so much the first scan after TM may be later than usual
 ANCHOR_SPAN_NS = 120_000_000_000  # as long the offset hangs on the answers to TM
 AGREEING_SIGMAS = 2.0
 SLOWEST_SPAN_NS = 60_000_000_000
 DRIFT_PRIOR_PPM = 50.0  # crystals are below 100
-PATH_STEP_NS = 20_000_000  # far more than jitter: another path of the messages, or a queue that stays
-PATH_BUCKETS = 20  # ten seconds
 DELAY_STEP_NS = 2_000_000  # no crystal moves so far between two fits; the delay of the link has changed
 
 
@@ -37,7 +36,7 @@ class LaserClock:
     """Host time of device stamps.
 
     delay_ns: from the stamp to the arrival of a scan's first byte at best; drift_ppm: positive where the host's clock
-    is the faster one.
+    is the faster one; misfits: answers to TM in a row that were of another clock than the scan after them.
     """
 
     def __init__(self, drift_max_ppm: float) -> None:
@@ -46,16 +45,27 @@ class LaserClock:
         self._lowest: deque[tuple[int, int]] = deque(maxlen=BUCKETS)
         self._highest: deque[tuple[int, int]] = deque(maxlen=BUCKETS)
         self._bucket = -1
-        self._slow_buckets = 0
+        self._steps = DelaySteps()
         self._drift = 0.0
         self._drift_sigma = DRIFT_PRIOR_PPM * 1e-6
         self._prior = (self._drift, self._drift_sigma)
         self._anchor: tuple[int, float] | None = None
         self._is_anchor_checked = False
         self._envelope: Envelope | None = None
+        self.misfits = 0
         self.delay_ns = 0.0
         self.bracket_ns = math.inf
         self._scatter_ns = math.inf
+
+    @property
+    def is_anchored(self) -> bool:
+        """Whether the delay was measured by TM and not assumed."""
+        return self._anchor is not None
+
+    @property
+    def delay_steps(self) -> int:
+        """How often the delay has changed for good."""
+        return self._steps.count
 
     @property
     def wraps(self) -> int:
@@ -79,7 +89,8 @@ class LaserClock:
 
     @property
     def offset_uncertainty_ms(self) -> float:
-        """Half of the TM bracket (without TM: of the delay that was assumed), and twice what the drift may have added.
+        """Half of the TM bracket (without TM: of the delay that was assumed), half a count of the device's clock, and
+        twice what the drift and the steps of the delay since then may have added.
 
         Right after the start the drift is not known: up to 1.5 ms are reported after ten seconds, though the error is
         below one. In simulated jitter the error was within this for 94 to 100 % of the time.
@@ -88,7 +99,9 @@ class LaserClock:
             return math.inf
         half_ns = self.delay_ns / 2.0 if self._anchor is None else self.bracket_ns
         since_ns = 0 if self._anchor is None else self._envelope.at_ns - self._anchor[0]
-        return (half_ns + 2.0 * min(since_ns * self._drift_sigma, self._scatter_ns)) / NS_PER_MS
+        drift_ns = min(since_ns * self._drift_sigma, self._scatter_ns)
+        further_ns = 2.0 * math.hypot(drift_ns, self._steps.sigma_ns)
+        return (half_ns + HALF_MS_NS + further_ns) / NS_PER_MS
 
     def synchronise(self, answers: list[tuple[int, int, int]], nominal_delay_ns: float) -> CounterStatus:
         """Anchor the offset on answers to TM1: (host ns before, host ns after, counter ms), oldest first.
@@ -114,6 +127,7 @@ class LaserClock:
             low, high = max(low, narrow_low), min(high, narrow_high)
         if reading is CounterStatus.RESTARTED:
             self._restart()
+        self._steps.forget()
         self._anchor = (at_ns, (low + high) / 2.0)
         self._is_anchor_checked = False
         self.bracket_ns = (high - low) / 2.0
@@ -133,12 +147,17 @@ class LaserClock:
             self.delay_ns = nominal_delay_ns
         at_ns = self._unwrap.total_ms * NS_PER_MS
         point = (at_ns, arrival_ns - at_ns)
-        self._follow_delay_step(point)
         bucket = at_ns // BUCKET_NS
-        if bucket != self._bucket or not self._lowest:
-            self._slow_buckets = self._slow_buckets + 1 if self._is_slow_bucket() else 0
+        is_new = bucket != self._bucket or not self._lowest
+        if is_new:
             self._bucket = bucket
-            self._fit_drift()
+            self._follow_delay()
+            if not self._steps.is_pending:
+                self._fit_drift()
+        if self._steps.is_pending or (self._envelope and self._steps.is_too_early(self._above(point))):
+            self._steps.set_aside(point)
+            level_ns = self._level_at(at_ns)
+        elif is_new or self._lowest[-1][0] // BUCKET_NS != bucket:
             self._lowest.append(point)
             self._highest.append(point)
             level_ns = min(y + self._drift * (at_ns - x) for x, y in self._lowest)
@@ -166,18 +185,21 @@ class LaserClock:
         if self._anchor is None or self._is_anchor_checked:
             return True
         self._is_anchor_checked = True
+        self.misfits += 1
         delay_ns = arrival_ns - self._unwrap.total_ms * NS_PER_MS - self._anchor[1]
         expected_ns = self.delay_ns if self.delay_ns > 0.0 else nominal_delay_ns + 4.0 * ANCHOR_LATE_NS
         is_late = delay_ns >= expected_ns + ANCHOR_LATE_NS
         is_early = delay_ns + DELAY_STEP_NS < 0
-        return not (is_early or is_late)
+        if not (is_early or is_late):
+            self.misfits = 0
+        return self.misfits == 0
 
     def _restart(self) -> None:
         """The counter has begun anew; the crystal is the same, so the drift stays known."""
         self._lowest.clear()
         self._highest.clear()
         self._bucket = -1
-        self._slow_buckets = 0
+        self._steps.restart()
         self._envelope = None
         self._prior = (self._drift, max(self._drift_sigma, 1e-6))
 
@@ -197,37 +219,24 @@ class LaserClock:
         self._drift = max(-self._drift_max, min(self._drift_max, drift))
         self._drift_sigma = sigma
 
-    def _is_slow_bucket(self) -> bool:
-        """True if even the fastest message of the newest bucket came far above the envelope."""
-        return bool(self._lowest) and self._lowest[-1][1] - self._level_at(self._lowest[-1][0]) > PATH_STEP_NS
+    def _follow_delay(self) -> None:
+        """Once in a bucket: where the delay has changed for good, older points move with it, and so does the line."""
+        if self._envelope is None:
+            return
+        found = self._steps.look(list(self._lowest), self._above, self._bucket)
+        if isinstance(found, list):
+            self._lowest.extend(found)
+            self._highest.extend(found)
+            return
+        moved = [(x, y + round(found.step_ns)) for x, y in found.before] + found.after
+        for points in (self._lowest, self._highest):
+            points.clear()
+            points.extend(moved)
+        self.delay_ns += found.step_ns
+        self._envelope = replace(self._envelope, level_ns=self._envelope.level_ns + found.step_ns)
 
-    def _follow_delay_step(self, point: tuple[int, int]) -> None:
-        """Take a delay that has changed for good as the delay's, before the slope of the hull takes it for drift."""
-        if len(self._lowest) < PATH_BUCKETS:
-            return
-        step_ns = point[1] - self._level_at(point[0])
-        if step_ns > 0.0:
-            if self._slow_buckets < PATH_BUCKETS:
-                return
-            slow = list(self._lowest)[-PATH_BUCKETS:]
-            step_ns = min(y - self._level_at(x) for x, y in slow)
-            kept, moved = PATH_BUCKETS, len(self._lowest) - PATH_BUCKETS
-        elif step_ns < -PATH_STEP_NS:
-            kept, moved = 0, len(self._lowest)
-        else:
-            return
-        points = list(self._lowest)
-        shifted = [(x, y + round(step_ns)) for x, y in points[:moved]] + points[len(points) - kept :]
-        self._lowest.clear()
-        self._lowest.extend(shifted)
-        self._highest.clear()
-        self._highest.extend(shifted)
-        self._slow_buckets = 0
-        self.delay_ns += step_ns
-        assert self._envelope is not None
-        self._envelope = replace(self._envelope, level_ns=self._envelope.level_ns + step_ns)
-        if self._anchor is not None:
-            self._anchor = (self._anchor[0] - ANCHOR_SPAN_NS, self._anchor[1])  # it held for the path before
+    def _above(self, point: tuple[int, int]) -> float:
+        return point[1] - self._level_at(point[0])
 
     def _level_at(self, at_ns: int) -> float:
         """The envelope drawn on to a device time."""

@@ -13,19 +13,19 @@ from drivers.laser.around_errors import AroundErrors
 from drivers.laser.client import ScipClient
 from drivers.laser.clock import LaserClock
 from drivers.laser.connect import LaserConnector
-from drivers.laser.counter import CounterStatus
 from drivers.laser.handshake import (
     REPLY_TIMEOUT_S,
     Device,
     LaserFaultError,
     NoAnswerError,
     NotScipError,
-    adjust_time,
+    StillBootingError,
     describe,
     enter_standby,
 )
 from drivers.laser.request import scan_request
 from drivers.laser.scans import ScanAssembly
+from drivers.laser.time_adjustment import TimeAdjustment
 from drivers.measurements import (
     DriverError,
     Event,
@@ -50,6 +50,8 @@ RETRY_MAX_S = 0.5  # s between attempts at most; small, because a scan is due 2 
 WAIT_S = 0.25  # longest wait in the kernel, so that closing is quick
 STALE_PERIODS = 3.5
 SILENT_PERIODS = 3.0
+BOOT_NS = 15_000_000_000  # a laser that says so for longer has booted all the same
+REBOOT = "it needs a reboot"
 
 
 class Hokuyo:
@@ -82,6 +84,8 @@ class Hokuyo:
         self._device: Device | None = None
         self._fault = ""
         self._advice: dict[str, str] = {}  # what was reported once, by kind
+        self._time = TimeAdjustment(settings, self._clock, now_ns, self._events, self._advise_once)
+        self._booting_ns: int | None = None
 
     def start(self) -> None:
         """Begin to connect, in a thread of its own."""
@@ -191,7 +195,12 @@ class Hokuyo:
 
     def _run_session(self, client: ScipClient) -> None:
         """Describe, adjust the clock, stream; a stream without a scan ends the connection. Raises DriverError."""
-        device = describe(client, self._settings)
+        booted = self._booting_ns is not None and self._now_ns() - self._booting_ns > BOOT_NS
+        try:
+            device = describe(client, self._settings, booted)
+        except StillBootingError:
+            self._booting_ns = self._now_ns() if self._booting_ns is None else self._booting_ns
+            raise
         self._device = device
         self._note_connection(device)
         request, warnings = scan_request(self._settings, device.parameters)
@@ -204,13 +213,15 @@ class Hokuyo:
             assembly.continue_from(self._assembly)
         self._assembly = assembly
         while True:
-            if self._settings.time_sync:
-                self._adjust(client, assembly)
+            self._time.adjust(client, assembly.nominal_delay_ns)
             self._request_stream(client, request)
             began_ns = self._now_ns()
             self._stream(client, assembly)
             if self._last_scan_ns is None or self._last_scan_ns < began_ns:
+                if device.complaint:
+                    raise LaserFaultError(f"the laser reports {device.complaint!r} and sends no scan; {REBOOT}")
                 raise LinkError("the laser sends no scan that can be used, even when asked again")
+            self._booting_ns = None
             self._events.count("stream_restarts")
             enter_standby(client, self._settings, attempts=1, drain_first=False)
 
@@ -219,18 +230,11 @@ class Hokuyo:
         if reply is None:
             raise NoAnswerError(f"{self._settings.url} does not answer {request.command}")
         if is_fault(reply.status):
-            raise LaserFaultError(f"the laser reports a malfunction (status {reply.status}); it needs a reboot")
+            raise LaserFaultError(f"the laser reports a malfunction (status {reply.status}); {REBOOT}")
         if reply.status not in (OK, DATA):
+            if self._device is not None and self._device.complaint:
+                raise LaserFaultError(f"the laser reports {self._device.complaint!r} and does not measure; {REBOOT}")
             raise StatusError(request.command, reply.status, "see laser.command and laser.cluster")
-
-    def _adjust(self, client: ScipClient, assembly: ScanAssembly) -> None:
-        answers = adjust_time(client, self._now_ns)
-        reading = self._clock.synchronise(answers, assembly.nominal_delay_ns)
-        if reading is CounterStatus.RESTARTED:
-            self._events.add(self._now_ns(), "clock_restarts", "the laser's clock began anew")
-        if not answers:
-            text = "the laser does not tell its clock (TM); stamps rest on the delay that its model should have"
-            self._advise_once("no_time_sync", text, Severity.INFO)
 
     def _stream(self, client: ScipClient, assembly: ScanAssembly) -> None:
         """Hand out scans until none comes for too long, or the stream has to be asked for again. Raises DriverError."""
@@ -252,10 +256,14 @@ class Hokuyo:
                         raise LaserFaultError(str(error)) from error
                     raise
                 if scan is not None:
+                    self._time.check_delay(assembly.nominal_delay_ns)
                     self._hand_out(scan, raw.stamp_ns)
                     alive_ns, bytes_before = raw.stamp_ns, client.received_bytes
             if assembly.clock_restarted:
                 assembly.clock_restarted = False
+                return
+            if self._time.is_due():
+                self._events.count("clock_checks")
                 return
 
     def _note_silence(self, has_bytes: bool, silence_ns: int) -> None:
@@ -280,6 +288,9 @@ class Hokuyo:
             text = f"laser model {model!r} is not known; working from what it says of itself"
             self._advise_once("unknown_model", text, Severity.WARN)
         firmware = device.version.get("FIRM", "unknown")
+        if device.complaint:
+            text = f"the laser reports {device.complaint!r}; used for as long as it measures; see its manual"
+            self._advise_once("complaint", text, Severity.WARN)
         self._events.add(self._now_ns(), "connections", f"laser {model}, firmware {firmware}, found", Severity.INFO)
         self._events.trouble = ""
 

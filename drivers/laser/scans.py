@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.events import EventLog
 from drivers.laser.clock import LaserClock
-from drivers.laser.counter import CounterStatus
+from drivers.laser.timing.counter import CounterStatus
 from drivers.measurements import FloatArray, RangeArray, Scan, uniform_bearings
 from drivers.scip.codec import OK, ChecksumError, FramingError, ScanSizeError, StatusError, is_transient
 from drivers.scip.commands import ScanRequest
@@ -142,9 +142,12 @@ class ScanAssembly:
             self._events.add(arrival_ns, "late_scans", text)
         stamp_ns = self._clock.stamp_ns() + self._first_beam_ns
         if stamp_ns > arrival_ns + FUTURE_NS:
-            text = "scan dropped: its stamp lies in the future; the laser's clock or laser.stamp_reference is wrong"
+            text = "a stamp lies in the future: stamped by arrival; the laser's clock or laser.stamp_reference is wrong"
             self._events.add(arrival_ns, "future_stamps", text)
-            return None
+            stamp_ns = round(arrival_ns - self._nominal_delay_ns) + self._first_beam_ns
+            stamp_ns = min(stamp_ns, arrival_ns)
+            if self.last_stamp_ns is not None and self.last_stamp_ns > arrival_ns:
+                self.last_stamp_ns = None  # that one was in the future too
         if self.last_stamp_ns is not None and stamp_ns <= self.last_stamp_ns:
             self._events.add(arrival_ns, "out_of_order", "scan dropped: older than the one before")
             return None

@@ -14,6 +14,7 @@ END = b"\n\n"
 FIRST_CHARACTER = 0x30  # code of the value 0; 0x6f is 63
 OK = "00"
 DATA = "99"
+WORDS_MOST = 200  # characters of a value of VV, PP, II; real ones have 60
 COUNTER_MS = 1 << 24  # the device's clock counts milliseconds in 24 bits
 
 
@@ -158,23 +159,31 @@ def encode_legacy_message(echo: bytes, status: str, lines: tuple[bytes, ...] = (
     return LF.join((echo, status.encode("ascii"), *lines)) + END
 
 
-def parse_key_values(message: Message) -> dict[str, str]:
-    """The `KEY:value;sum` lines of VV, PP and II.
+def parse_key_values(message: Message, is_lenient: bool = False) -> dict[str, str]:
+    """The `KEY:value;sum` lines of VV, PP and II, control characters shown as `?`.
 
     The sum is taken over the text before the last `;` (UTM-30LX P.1.05, measured). Other firmware includes the `;`,
-    or leaves out everything from `<-` on; all three are accepted. Raises FramingError or ChecksumError.
+    or leaves out everything from `<-` on; all three are accepted. is_lenient: for what is only told to people, any sum
+    will do, and lines of another form are passed over. Raises FramingError or ChecksumError.
     """
     values: dict[str, str] = {}
     for line in message.lines:
         text, mark, total = line[:-2], line[-2:-1], line[-1:]
-        if mark != b";" or b":" not in text or not text.isascii():
+        is_sound = mark == b";" and b":" in text and text.isascii()
+        if not is_sound and not is_lenient:
             raise FramingError(f"line {line[:40]!r} of {message.echo[:8]!r} is not of the form KEY:value;sum")
         candidates = (text, text + b";", text.split(b"<-")[0])
-        if total[0] not in {checksum(candidate) for candidate in candidates}:
+        if not is_lenient and total[0] not in {checksum(candidate) for candidate in candidates}:
             raise ChecksumError(f"line {line[:40]!r} of {message.echo[:8]!r} has a wrong sum")
-        key, _, value = text.decode("ascii").partition(":")
-        values[key] = value
+        key, colon, value = text.decode("latin-1").partition(":")
+        if colon:
+            values[_printable(key)] = _printable(value)
     return values
+
+
+def _printable(text: str) -> str:
+    """A device's words as they may be shown: nothing that steers a terminal, and no more than a line."""
+    return "".join(each if each.isprintable() else "?" for each in text[:WORDS_MOST])
 
 
 def encode_key_values(values: Mapping[str, str]) -> bytes:

@@ -63,6 +63,8 @@ class Parameters:
         return {"MODL": self.model} | {key: str(number) for key, number in zip(NUMBER_KEYS, numbers, strict=True)}
 
 
+STEPS_PER_TURN = (36, 36_000)  # from 10 deg to 0.01 deg a step; real ones have 1024 to 5760
+SPEEDS_RPM = (60, 12_000)  # one to 200 turns a second; real ones make 10 to 40
 NUMBER_KEYS = ("DMIN", "DMAX", "ARES", "AMIN", "AMAX", "AFRT", "SCAN")
 
 
@@ -70,9 +72,9 @@ def parse_parameters(values: Mapping[str, str]) -> Parameters:
     """Parameters out of the lines of PP; further keys are ignored. Raises ParameterError."""
     numbers = []
     for key in NUMBER_KEYS:
-        text = values.get(key)
-        if text is None:
+        if key not in values:
             raise ParameterError(f"the laser's parameters (PP) lack {key}")
+        text = values[key].strip()  # some firmware puts a blank behind the colon
         if not (text.isascii() and text.isdigit() and len(text) <= 7):
             raise ParameterError(f"the laser's parameter {key} is {text[:20]!r}, expected a whole number")
         numbers.append(int(text))
@@ -81,10 +83,16 @@ def parse_parameters(values: Mapping[str, str]) -> Parameters:
         0 <= parameters.first_step < parameters.last_step <= 9999
         and parameters.last_step - parameters.first_step < parameters.steps_per_turn
         and parameters.range_min_mm < parameters.range_max_mm
-        and parameters.speed_rpm > 0
     )
     if not sound:
         raise ParameterError(f"the laser's parameters contradict each other: {parameters}")
+    for key, (low, high) in {
+        "ARES": STEPS_PER_TURN,
+        "AFRT": (0, parameters.steps_per_turn),
+        "SCAN": SPEEDS_RPM,
+    }.items():
+        if not low <= int(values[key]) <= high:
+            raise ParameterError(f"the laser's parameter {key} is {values[key]}, expected {low} to {high}")
     return parameters
 
 

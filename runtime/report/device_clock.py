@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drivers.laser.counter import CounterUnwrap
+from drivers.laser.timing.counter import CounterUnwrap
 from drivers.measurements import FloatArray
 from drivers.scip.scan import scan_counters_ms
 from runtime.messages.tick import Record, decode_laser_bytes

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from drivers.laser.counter import CounterUnwrap
+from drivers.laser.timing.counter import CounterUnwrap
 from drivers.scip.scan import scan_counters_ms
 from runtime.messages.tick import Record, decode_laser_bytes
 

@@ -173,7 +173,6 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
     },
     "drivers/laser/handshake.py": {
         "laser.reply_timeout_s": (0.5, "REPLY_TIMEOUT_S"),
-        "laser.time_sync_samples": (50, "TIME_SYNC_SAMPLES"),
     },
     "drivers/laser/hokuyo.py": {
         "laser.drift_max_ppm": (200.0, "DRIFT_MAX_PPM"),
@@ -184,6 +183,9 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
     },
     "drivers/laser/scans.py": {
         "laser.frozen_scans": (10, "FROZEN_SCANS"),
+    },
+    "drivers/laser/time_adjustment.py": {
+        "laser.time_sync_samples": (50, "TIME_SYNC_SAMPLES"),
     },
     "drivers/wheels/encoders.py": {
         "encoders.bus.silence_s": (0.5, "SILENCE_S"),

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drivers.laser.clock import LaserClock
-from drivers.laser.counter import NS_PER_MS, CounterStatus
+from drivers.laser.timing.counter import NS_PER_MS, CounterStatus
 from drivers.scip.codec import COUNTER_MS
 
 PERIOD_NS = 99_730_000  # no multiple of the counter's millisecond, as no motor is

@@ -1,19 +1,25 @@
 """Whatever state a laser was left in, and whatever it says of itself, over the real wire."""
 
 import dataclasses
+import re
+import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pytest
 
-from drivers.laser import hokuyo
+from drivers.laser import handshake, hokuyo, time_adjustment
 from drivers.laser.link import SerialLink
 from drivers.laser.request import scan_request
 from drivers.measurements import SensorState
+from drivers.scip.codec import StatusError, encode_time
 from drivers.settings.laser import LaserSettings, SerialEndpoint
 from drivers.settings.simulated_laser import SimulatedLaserSettings
 from drivers.simulated.laser.profiles import PROFILES
+from drivers.simulated.laser.protocol import LaserProtocol
 from tests.support.drivers.laser_bench import driven, next_scan, simulated_laser, wait_for
+from tests.support.drivers.raising import raise_in
 
 FAST = SimulatedLaserSettings(model="UTM-30LX")
 
@@ -51,21 +57,124 @@ def test_an_unknown_model_works_from_what_it_says_and_is_named_once(monkeypatch:
     assert "'XYZ-9' is not known" in events[0].reason
 
 
-@pytest.mark.parametrize(
-    ("field", "text", "sentence"),
-    [("healthy", "Error 100 malfunction.", "it needs a reboot"), ("idle", "001 Booting", "still booting")],
-)
-def test_a_laser_that_is_not_well_is_named_and_tried_again(
-    field: str, text: str, sentence: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    reported: dict[str, Any] = {field: text}
-    monkeypatch.setitem(PROFILES, "UTM-30LX", dataclasses.replace(PROFILES["UTM-30LX"], **reported))
-    monkeypatch.setattr(hokuyo, "RETRY_MAX_S", 0.1)
-    with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url, reboot_on_fault=False)) as driver:
-        wait_for(lambda: driver.health().counters.get("reconnects", 0) >= 2)
+def odd(monkeypatch: pytest.MonkeyPatch, change: Callable[[bytes, bytes], bytes]) -> None:
+    """The simulated laser's answers to VV, PP, II and TM pass through a change."""
+    true_reply = LaserProtocol.reply
+
+    def reply(self: LaserProtocol, line: bytes, now_ns: int) -> bytes:
+        answer = true_reply(self, line, now_ns)
+        return change(line, answer) if line[:2] in (b"VV", b"PP", b"II", b"TM") else answer
+
+    monkeypatch.setattr(LaserProtocol, "reply", reply)
+
+
+def without(commands: bytes) -> Callable[[bytes, bytes], bytes]:
+    return lambda line, answer: b"" if line in commands.split() else answer
+
+
+def garbled(command: bytes, pattern: bytes, by: bytes) -> Callable[[bytes, bytes], bytes]:
+    return lambda line, answer: re.sub(pattern, by, answer) if line == command else answer
+
+
+ODD = {
+    "VV and II silent": without(b"VV II"),
+    "a wrong sum in VV": garbled(b"VV", rb"(SERI:[^;]*;).", rb"\1~"),
+    "no colon in II": garbled(b"II", rb"STAT:", b"STAT "),
+    "bytes that are no text": garbled(b"VV", rb"VEND:", b"VEND:\xff\x1b[31m\x07"),
+    "no status in VV": garbled(b"VV", rb"00P", b"0"),
+    "the same wrong sum in PP each time": garbled(b"PP", rb"(MODL:[^;]*;).", rb"\1~"),
+    "a blank after DMIN": garbled(b"PP", rb"DMIN:23;7", b"DMIN: 23;W"),
+    "a ninth line in PP": garbled(b"PP", rb"(SCAN:2400;U\n)", rb"\1PROT:SCIP 2.2;P\n"),
+    "a failure predicted": garbled(b"II", rb"STAT:[^\n]*", b"STAT:Failure predicted;0"),
+    "TM silent": without(b"TM0 TM1 TM2"),
+}
+
+
+@pytest.mark.parametrize("kind", ODD)
+def test_what_is_not_needed_is_not_required(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    odd(monkeypatch, ODD[kind])
+    monkeypatch.setattr(handshake, "REPLY_TIMEOUT_S", 0.15)
+    with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url)) as driver:
+        scan = next_scan(driver)
         health = driver.health()
-    assert sentence in health.reason
-    assert health.state is (SensorState.FAILED if field == "healthy" else SensorState.STARTING)
+    assert np.isfinite(scan.ranges_m).any()
+    assert health.state is SensorState.FRESH
+    assert (health.counters.get("reboots", 0), health.counters.get("reconnects", 0)) == (0, 0)
+    assert all(text.isprintable() for text in health.facts.values())
+    if "failure" in kind:
+        assert "reports 'Failure predicted'" in health.facts["advice"]
+
+
+def test_a_laser_that_complains_and_does_not_measure_is_named_and_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    profile = dataclasses.replace(PROFILES["UTM-30LX"], healthy="Error 100 malfunction.")
+    monkeypatch.setitem(PROFILES, "UTM-30LX", profile)
+    monkeypatch.setattr(hokuyo, "RETRY_MAX_S", 0.1)
+    true_answer = LaserProtocol._answer
+
+    def refusing(self: LaserProtocol, name: str, text: str, line: bytes, now_ns: int) -> bytes:
+        if name == "MD":
+            raise StatusError("MD", "10")
+        return true_answer(self, name, text, line, now_ns)
+
+    monkeypatch.setattr(LaserProtocol, "_answer", refusing)
+    with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url, reboot_on_fault=False)) as driver:
+        wait_for(lambda: driver.health().counters.get("reconnects", 0) >= 1)
+        health = driver.health()
+    assert health.state is SensorState.FAILED
+    assert "'Error 100 malfunction.' and does not measure; it needs a reboot" in health.reason
+
+
+def test_a_laser_that_boots_is_waited_for_but_not_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PROFILES, "UTM-30LX", dataclasses.replace(PROFILES["UTM-30LX"], idle="001 Booting"))
+    monkeypatch.setattr(hokuyo, "RETRY_MAX_S", 0.1)
+    with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url)) as driver:
+        wait_for(lambda: "still booting" in driver.health().reason)
+        assert driver.health().state is SensorState.STARTING
+        monkeypatch.setattr(hokuyo, "BOOT_NS", 0)
+        next_scan(driver)
+
+
+def test_a_clock_that_is_not_that_of_the_scans_is_given_up_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    def other_clock(line: bytes, answer: bytes) -> bytes:
+        return b"TM1\n00P\n" + encode_time(5) + b"\n" if line == b"TM1" else answer
+
+    odd(monkeypatch, other_clock)
+    with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url)) as driver:
+        for _ in range(20):
+            next_scan(driver)
+        health = driver.health()
+    assert health.counters["stream_restarts"] <= 3
+    assert "is not that of its scans" in health.facts["advice"]
+    assert health.state is SensorState.FRESH
+
+
+def test_a_laser_that_refuses_tm_while_it_boots_is_asked_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[bytes] = []
+
+    def refused_once(line: bytes, answer: bytes) -> bytes:
+        asked.extend([line] if line == b"TM0" else [])
+        return b"TM0\n10Q\n\n" if line == b"TM0" and len(asked) == 1 else answer
+
+    odd(monkeypatch, refused_once)
+    monkeypatch.setattr(time_adjustment, "SECOND_TRY_NS", 100_000_000)
+    with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url)) as driver:
+        wait_for(lambda: driver.health().figures["clock_offset_uncertainty_ms"] < 5.0)
+        next_scan(driver)
+        assert driver.health().counters["clock_checks"] == 1
+    assert asked == [b"TM0", b"TM0"]
+
+
+def test_the_thread_outlives_whatever_is_raised_in_it() -> None:
+    with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url)) as driver:
+        for kill in range(2):
+            next_scan(driver)
+            raise_in("laser")
+            began_s = time.monotonic()
+            wait_for(lambda kills=kill: driver.health().counters.get("defects", 0) > kills)  # type: ignore[misc]
+            driver.latest()
+            next_scan(driver)
+            assert time.monotonic() - began_s < 2.0
+        assert any("OutOfNowhere" in event.reason for event in driver.drain_events())
 
 
 def test_a_baud_rate_that_the_laser_refuses_is_named_and_done_without(

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from drivers.laser import connect, handshake, hokuyo, scans
+from drivers.laser import connect, hokuyo, scans, time_adjustment
 from drivers.laser.hokuyo import Hokuyo
 from drivers.settings.laser import LaserSettings
 from drivers.settings.simulated_laser import FaultKind, SimulatedLaserSettings
@@ -48,7 +48,7 @@ def _in_a_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connect, "REBOOT_INTERVAL_S", 0.0)
     monkeypatch.setattr(scans, "FROZEN_SCANS", 5)
     monkeypatch.setattr(hokuyo, "RETRY_MIN_S", 0.01)
-    monkeypatch.setattr(handshake, "TIME_SYNC_SAMPLES", 1)
+    monkeypatch.setattr(time_adjustment, "TIME_SYNC_SAMPLES", 1)
 
 
 def name_of(fault: dict[str, Any]) -> str:

@@ -159,3 +159,13 @@ def test_a_late_message_is_told_and_keeps_its_stamp() -> None:
     assert scan is not None
     assert scan.stamp_ns / 1e6 == pytest.approx(500, abs=1.0)
     assert bench.events.counters["late_scans"] == 1
+
+
+def test_stamps_in_the_future_are_stamped_by_arrival_and_counted() -> None:
+    bench = Bench(stamp_offset_s=0.5)  # a clock that is half a second ahead
+    found = [bench.take(number) for number in range(20)]
+    stamps = [scan.stamp_ns for scan in found if scan is not None]
+    assert len(stamps) == 20
+    arrivals = [(PERIOD_MS * number + DELAY_MS) * 1_000_000 for number in range(20)]
+    assert all(0 <= arrival - stamp <= 100_000_000 for arrival, stamp in zip(arrivals, stamps, strict=True))
+    assert bench.events.counters["future_stamps"] == 20

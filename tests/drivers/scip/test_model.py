@@ -28,7 +28,17 @@ def test_a_missing_or_senseless_number_is_named(key: str) -> None:
         parse_parameters(VALUES | {key: "12x"})
 
 
-@pytest.mark.parametrize("wrong", [{"SCAN": "0"}, {"AMAX": "0"}, {"DMIN": "60000"}, {"ARES": "500"}, {"AMAX": "20000"}])
+@pytest.mark.parametrize(
+    "wrong",
+    [{"AFRT": "9999999"}, {"AFRT": "1441"}, {"SCAN": "0"}, {"SCAN": "1"}, {"SCAN": "9999999"}, {"ARES": "9999999"}],
+)
+def test_numbers_that_no_laser_has_are_refused_with_what_is_expected(wrong: dict[str, str]) -> None:
+    (key,) = wrong
+    with pytest.raises(ParameterError, match=rf"parameter {key} is {wrong[key]}, expected \d+ to \d+"):
+        parse_parameters(VALUES | wrong)
+
+
+@pytest.mark.parametrize("wrong", [{"AMAX": "0"}, {"DMIN": "60000"}, {"ARES": "500"}, {"AMAX": "20000"}])
 def test_numbers_that_contradict_each_other_are_refused(wrong: dict[str, str]) -> None:
     with pytest.raises(ParameterError, match="contradict"):
         parse_parameters(VALUES | wrong)

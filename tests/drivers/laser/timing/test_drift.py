@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from drivers.laser.drift import fastest_slope, slowest_slope, weigh
+from drivers.laser.timing.drift import fastest_slope, slowest_slope, weigh
 
 STEP_NS = 100_000_000
 
