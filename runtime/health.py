@@ -1,5 +1,6 @@
 """How the runtime is: one state with its reasons, from the sensors, the sinks and the pose's own quality."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -7,7 +8,7 @@ from enum import StrEnum
 from drivers.measurements import Event, SensorHealth, SensorState, Severity
 from runtime.printable import printable
 from runtime.tick import SinkHealth
-from slam.estimate import Estimate, Quality
+from slam.estimate import Estimate, Quality, Recognition
 
 
 class RunState(StrEnum):
@@ -70,7 +71,7 @@ class HealthMonitor:
         sinks: Mapping[str, SinkHealth],
         estimate: Estimate,
     ) -> tuple[Health, tuple[Event, ...]]:
-        """Health now, and an event if the state or a reason has changed since the last call."""
+        """Health now, and an event where the state or a reason has changed, or a place was recognised."""
         self._quality = quality = estimate.quality
         reasons = (*_sensor_reasons(sensors), *self._sink_reasons(sinks))
         if quality is not Quality.TRACKING:
@@ -81,7 +82,8 @@ class HealthMonitor:
             state = RunState.DEGRADED
         else:
             state = RunState.RUNNING
-        return Health(stamp_ns, state, reasons, sensors, sinks, quality), self._changed(stamp_ns, state, reasons)
+        events = (*_recognised(stamp_ns, estimate.recognition), *self._changed(stamp_ns, state, reasons))
+        return Health(stamp_ns, state, reasons, sensors, sinks, quality), events
 
     def _sink_reasons(self, sinks: Mapping[str, SinkHealth]) -> list[str]:
         """Sinks in trouble, and sinks that have dropped something since the last call."""
@@ -112,3 +114,19 @@ def _sensor_reasons(sensors: Mapping[str, SensorHealth]) -> list[str]:
         for name, health in sensors.items()
         if health.state is not SensorState.FRESH
     ]
+
+
+def _recognised(stamp_ns: int, found: Recognition | None) -> tuple[Event, ...]:
+    """The event of a place that was recognised, or of a new map."""
+    if found is None:
+        return ()
+    if found.is_new:
+        text = f"lost on new ground: map {found.map_id} begins here, the others are kept and looked for"
+        return (Event(stamp_ns, "pose", "new map", text, Severity.WARN),)
+    joined = f", which map {found.joined} has become part of" if found.joined else ""
+    text = (
+        f"recognised in map {found.map_id}{joined}: by {found.matches} landmarks, odds {found.odds:.0f} (the mirror's "
+        f"{found.mirror_odds:.0f}), wrong with a probability of {found.probability_wrong:.1g}; the pose moved "
+        f"{found.moved_m:.1f} m and {math.degrees(found.turned_rad):.0f} deg"
+    )
+    return (Event(stamp_ns, "pose", "recognised", text),)

@@ -35,6 +35,25 @@ class LandmarkMap:
     existence_log_odds: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class Recognition:
+    """The rover's place was recognised in a map, or a new map was begun because it was in none.
+
+    map_id: of the map that the pose is in from now on. joined: the map that became part of it, 0 for none. odds: their
+    natural logarithm; mirror_odds: the honest figure of what chance reached. moved_m, turned_rad: the jump of the pose.
+    """
+
+    map_id: int
+    is_new: bool = False
+    joined: int = 0
+    odds: float = 0.0
+    mirror_odds: float = 0.0
+    probability_wrong: float = 0.0
+    matches: int = 0
+    moved_m: float = 0.0
+    turned_rad: float = 0.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
     """The pose at stamp_ns and everything a reviewer wants to know about how it came about.
@@ -43,6 +62,7 @@ class Estimate:
     particle_mean, particle_covariance: the particles' own, kept beside it; their gap is a health signal.
     quality, doubt: whether the pose can be believed, and why not; the words before the colon name the reason. While it
         is lost the covariance is grown, because the filter's own knows nothing of what happened.
+    recognition: at the scan at which the rover recognised where it is, or began a new map.
     odom_from_body: dead reckoning alone since the start.
     particles (M, 3) poses and particle_weights (M,): None on a tick without a scan.
     features, matches (K,): features of the scan and what became of each (identity, or a MatchVerdict).
@@ -68,3 +88,4 @@ class Estimate:
     landmarks: LandmarkMap | None = None
     counts: dict[str, float] = field(default_factory=dict)
     doubt: str = ""
+    recognition: Recognition | None = None

@@ -8,22 +8,23 @@ from itertools import chain
 
 import numpy as np
 
-from drivers.measurements import FloatArray, IntArray, Scan, ScanLike, WheelSample
-from slam.estimate import AHEAD_NS, Estimate
+from drivers.measurements import IntArray, Scan, ScanLike, WheelSample
+from slam.estimate import AHEAD_NS, Estimate, Recognition
 from slam.front_end.alignment import Alignment
 from slam.front_end.deskew import Twist, with_motion_noise
 from slam.front_end.front_ends import make_front_end
 from slam.joint.evidence import Confidence
 from slam.joint.gaussian import JointGaussian
-from slam.keyframes.keyframes import Keyframes
 from slam.maps.joint_map import JointMap, take_map
 from slam.maps.start import MapStart, begin_in_map, variant_for
 from slam.observations import MOST_FEATURES, NO_FEATURES, seen_before_share, usable_rows, verdicts_of_all
-from slam.odometry.odometry import Increment, Odometry
+from slam.odometry.odometry import Increment, Odometry, compound
 from slam.particles.fastslam import FastSlam, ScanOutcome
-from slam.pose import Pose2
 from slam.quality import QualityMonitor
+from slam.recognise.local_points import around
 from slam.recognise.warm_up import warm_up_recognition
+from slam.relocalise.local_map import ScanSeen
+from slam.relocalise.relocaliser import Relocaliser
 from slam.settings.slam import SlamSettings
 from slam.visibility import BLIND, sight_line
 from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, warm_up_window
@@ -69,12 +70,13 @@ class Estimator:
         self._alignment = Alignment(settings.front_end, self._body_from_laser)
         self._particles = FastSlam(settings, self._generator)
         self._joint = JointGaussian(settings.joint, self._body_from_laser, settings.tuning(), variant_for(start))
-        self._keyframes = Keyframes(self._joint, self._body_from_laser)
         self._hash = bytes(16)
         if start is not None:
             begin_in_map(self._joint, start)
-            self._particles.restart(self._joint.map_from_body, self._joint.covariance)
+            self._redraw_particles()
             self._hash = start.digest()
+        self._relocaliser = Relocaliser(settings, self._joint)
+        self._keyframes = self._relocaliser.here.keyframes
         self._quality = QualityMonitor(settings.quality, self._joint.scans)
         self._scan_ns: int | None = None
         self._rest_ns: int | None = None
@@ -116,6 +118,7 @@ class Estimator:
             estimator = cls(short, 0)
             for stamp_ns, scan, wheels in chain(warm_up_drive(short), warm_up_gap(short)):
                 estimator.step(stamp_ns, scan, wheels)
+            estimator._redraw_particles()
             estimator.step(stamp_ns + TICK_NS, None, ())
         warm_up_window(JointGaussian(short.joint, short.mount.as_pose(), short.tuning()))
         warm_up_recognition()
@@ -128,7 +131,7 @@ class Estimator:
         if self._alignment.laid is not None and self._keyframes.constrain(self._alignment.laid):
             increment = replace(increment, mean=(before.inverse() @ self._joint.map_from_body).as_array())
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
-        predicted = before @ increment.as_pose()
+        predicted = self._relocaliser.continuous(before @ increment.as_pose())
         self._mark("odometry")
 
         # difference and features (III-A)
@@ -148,11 +151,16 @@ class Estimator:
 
         # the joint Gaussian, whose pose is published, and whether it can be believed
         confidence = Confidence(self._quality.settled_before, self._quality.map_is_kept)
-        self._joint.observe(rows, outcome.matches, sight, confidence, arrived)
-        if self._alignment.laid is not None and not confidence.lost:
+        matched = self._joint.observe(rows, outcome.matches, sight, confidence, arrived)
+        if self._alignment.laid is not None and not self._quality.is_doubted:
             self._keyframes.keep(self._alignment.laid)
         self._quality.add(scan.stamp_ns, self._joint.evidence, seen_share)
         self._mark("joint")
+
+        # the way back, where the pose is in doubt or a place may be known
+        seen = ScanSeen(scan.stamp_ns, increment.mean, increment.covariance, rows, sight, seen_share, arrived)
+        recognition = self._find_back(seen, matched)
+        self._mark("relocalise")
 
         matches = verdicts_of_all(rows, outcome.matches, len(features))
         self._chain_hash(matches)
@@ -167,7 +175,19 @@ class Estimator:
             beam_verdicts=verdicts,
             landmarks=self._joint.landmarks() if due else None,
             counts=prediction.counts | self._scan_counts(increment, matches, outcome) | self._quality.figures,
+            recognition=recognition,
         )
+
+    def _find_back(self, seen: ScanSeen, matched: IntArray) -> Recognition | None:
+        """Go on in the map, or at the place in it, that was recognised; the particles are drawn anew there."""
+        recognition = self._relocaliser.step(seen, matched, self._quality)
+        if recognition is not None:
+            self._joint, self._keyframes = self._relocaliser.here.joint, self._relocaliser.here.keyframes
+            self._redraw_particles()
+        return recognition
+
+    def _redraw_particles(self) -> None:
+        self._particles.redraw(*around(self._joint.state, self._settings.view.range_max_m))
 
     def _has_just_stopped(self, stamp_ns: int, at_rest: bool) -> bool:
         """True in the first second at rest, when everything may create a landmark; afterwards earlier scans vote, or
@@ -231,7 +251,7 @@ class Estimator:
             particle_covariance=compound(particle_mean, particle_covariance, since),
             odom_from_body=self._odometry.odom_from_body @ moved,
             quality=judgement.quality,
-            doubt=judgement.doubt,
+            doubt=judgement.doubt + (judgement.doubt and self._relocaliser.searching),
             counts=self._counts(),
         )
 
@@ -262,6 +282,7 @@ class Estimator:
             "keyframes": float(len(self._keyframes)),
             "keyframe_fits": float(self._keyframes.fitted),
             "loops_closed": float(self._keyframes.closed),
+            **self._relocaliser.figures,
         }
 
     def _chain_hash(self, matches: IntArray) -> None:
@@ -275,15 +296,5 @@ class Estimator:
         digest.update(repr(self._generator.bit_generator.state).encode())
         digest.update(self._joint.state_bytes())
         digest.update(self._quality.state_bytes())
+        digest.update(self._relocaliser.state_bytes())
         self._hash = digest.digest()
-
-
-def compound(pose: Pose2, covariance: FloatArray, increment: Increment) -> FloatArray:
-    """Covariance (3, 3) of pose (+) increment, first order."""
-    moved = pose @ increment.as_pose()
-    by_pose = np.eye(3)
-    by_pose[0, 2], by_pose[1, 2] = pose.y_m - moved.y_m, moved.x_m - pose.x_m
-    cosine, sine = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-    turned = np.array(((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)))
-    total: FloatArray = by_pose @ covariance @ by_pose.T + turned @ increment.covariance @ turned.T
-    return 0.5 * (total + total.T)

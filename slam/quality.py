@@ -63,6 +63,22 @@ class QualityMonitor:
         return self._trusted_scans - SETTLED_SCANS
 
     @property
+    def scans(self) -> int:
+        """How many scans it has judged."""
+        return self._scans
+
+    @property
+    def is_doubted(self) -> bool:
+        """Whether the pose may be wrong: from half of the score on at which it is lost."""
+        return self.map_is_kept or self._score >= 0.5 * self._settings.lost_score
+
+    def restart(self, stamp_ns: int) -> None:
+        """The pose was recognised: doubts about the one before are none about it."""
+        self._score, self._lost, self._square = 0.0, False, CONSISTENT
+        self._known = self._found = 0.0
+        self._trusted_scans, self._blind_scans, self._supported_ns = self._scans, 0, stamp_ns
+
+    @property
     def score(self) -> float:
         """Log-odds against the pose, added up; lost from [slam.quality] lost_score on, until it is back at 0."""
         return self._score

@@ -4,6 +4,7 @@ Every landmark owns one row of the atlas as long as it lives. Memory grows with 
 """
 
 import math
+from copy import copy
 
 import numpy as np
 
@@ -60,6 +61,16 @@ class Atlas:
         self._carries = np.zeros(0, dtype=np.bool_)
         self._enlarge(FIRST_ROOM)
 
+    def copied(self) -> "Atlas":
+        """A copy that shares nothing."""
+        other = copy(self)
+        for name, column in vars(self).items():
+            if isinstance(column, np.ndarray):
+                setattr(other, name, column.copy())
+        other._cells = {cell: rows.copy() for cell, rows in self._cells.items()}
+        other._cell_of, other._free = self._cell_of.copy(), self._free.copy()
+        return other
+
     @property
     def count(self) -> int:
         """Landmarks in all."""
@@ -74,6 +85,12 @@ class Atlas:
         self.looks[row] = self.finds[row] = self.missed[row] = self.frozen[row] = 0
         self.parents[row], self._carries[row] = ORPHAN, False
         return row
+
+    def add_away(self, identity: int, log_odds: float, mean_m: FloatArray, covariance_m2: FloatArray) -> None:
+        """A landmark outside the state that hangs on nothing."""
+        row = self.add(identity, log_odds, AWAY)
+        self.means[row], self.covariances[row] = mean_m, covariance_m2
+        self.put_away(row)
 
     def remove(self, row: int) -> None:
         """Forget a landmark of the state; what hangs on it stands alone from then on."""

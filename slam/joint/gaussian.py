@@ -61,10 +61,7 @@ DECIDED = Variant()
 
 
 class JointGaussian:
-    """Extended Kalman filter over pose and landmarks with the paper's landmark management.
-
-    state: means, covariance and atlas, for whoever joins two maps.
-    """
+    """Extended Kalman filter over pose and landmarks with the paper's landmark management; its state is public."""
 
     def __init__(
         self, settings: JointSettings, body_from_laser: Pose2, tuning: Tuning, variant: Variant = DECIDED
@@ -107,9 +104,14 @@ class JointGaussian:
 
     def add_keyframe(self) -> None:
         """The pose of now becomes a keyframe: it stays in the state, or hangs on what does, as landmarks do."""
-        still = np.zeros(3)
-        ends = [self.state.create_end(KEYFRAME, still, end) for end in (AHEAD, BEHIND)]
+        ends = [self.state.create_end(KEYFRAME, np.zeros(3), end) for end in (AHEAD, BEHIND)]
         self._keyframes = np.vstack((self._keyframes, ends))
+
+    def forget_keyframes(self, number: int) -> None:
+        """Those from this number on, as far as the state has them."""
+        rows = self._keyframes[number:].ravel()
+        self.state.take_out(rows[self.state.atlas.identities[rows] == KEYFRAME])
+        self._keyframes = self._keyframes[:number]
 
     def from_keyframes(self) -> FloatArray:
         """(K, 3) the body as seen from every keyframe; inf where one is outside the state."""

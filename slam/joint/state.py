@@ -6,6 +6,7 @@ Far landmarks leave the state as a regression on neighbours that stay (window.py
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import copy
 
 import numpy as np
 
@@ -45,6 +46,14 @@ class JointState:
         self.atlas = Atlas(cell_m)
         self.count = 0
         self._rows = np.zeros(FIRST_ROOM, dtype=np.int64)
+
+    def copied(self) -> "JointState":
+        """A copy that shares nothing."""
+        other = copy(self)
+        other.mean, other.covariance = self.mean.copy(), self.covariance.copy()
+        other.linearised_at, other._rows = self.linearised_at.copy(), self._rows.copy()
+        other.atlas = self.atlas.copied()
+        return other
 
     @property
     def size(self) -> int:
@@ -119,6 +128,29 @@ class JointState:
         self._drop(number)
         self.atlas.remove(row)
 
+    def append(self, identity: int, log_odds: float, mean: FloatArray, cross: FloatArray, own: FloatArray) -> None:
+        """A landmark known from elsewhere: mean (2,), covariance with the state (2, N) and its own (2, 2)."""
+        self._make_room()
+        n = self.size
+        self.mean[n : n + 2] = mean
+        self.covariance[n : n + 2, :n], self.covariance[:n, n : n + 2] = cross, cross.T
+        self.covariance[n : n + 2, n : n + 2] = 0.5 * (own + own.T)
+        self._enter(self.atlas.add(identity, log_odds, n))
+
+    def take_out(self, rows: IntArray) -> None:
+        """Forget landmarks, in the state or outside, where there are any; what hangs on them stands alone."""
+        atlas = self.atlas
+        rows = rows[atlas.place[rows] >= AWAY]
+        hanging = np.isin(atlas.parents, rows).any(axis=1) & (atlas.place == AWAY)
+        hanging[rows] = False
+        self._stand_alone(np.flatnonzero(hanging).tolist(), self.settled_means())
+        for row in rows.tolist():
+            if atlas.place[row] == AWAY:
+                atlas.take_back(row, AWAY)
+            else:
+                self._drop((int(atlas.place[row]) - FIRST_PLACE) // 2)
+            atlas.remove(row)
+
     def settled_means(self) -> FloatArray:
         """(R, 2) means of all rows of the atlas as they follow from the state."""
         return self.atlas.settled_means(self.rows, self.points_m)
@@ -163,20 +195,25 @@ class JointState:
         if self._looked_at is not None and math.dist((x, y), self._looked_at) < LOOK_EVERY_M:
             return
         self._looked_at = (x, y)
+        self.bring_back_around(x, y)
+
+    def bring_back_around(self, x: float, y: float) -> None:
+        """The same for a rover that may be elsewhere."""
         radius = self._reach_m + LOOK_EVERY_M + 0.5 * KEEP_M
-        near = [row for row in self.atlas.away_near(x, y, radius) if self._gap_square(row) <= radius * radius]
+
+        def gap_square(row: int) -> float:
+            """Squared distance, m^2, from where a landmark was when it left the state."""
+            gap = self.atlas.means[row] - (x, y)
+            return float(gap @ gap)
+
+        near = [row for row in self.atlas.away_near(x, y, radius) if gap_square(row) <= radius * radius]
         returning = self.atlas.with_ancestors(near)
         if len(returning) > MOST_RETURNING:
-            nearest = set(sorted(returning, key=self._gap_square)[:MOST_RETURNING])
+            nearest = set(sorted(returning, key=gap_square)[:MOST_RETURNING])
             self._let_stand_alone([row for row in returning if row in nearest], nearest)
             returning = [row for row in returning if row in nearest]
         for row in returning:
             self._bring_one_back(row)
-
-    def _gap_square(self, row: int) -> float:
-        """Squared distance, m^2, from the rover to where a landmark was when it left the state."""
-        gap = self.atlas.means[row] - self.mean[:2]
-        return float(gap @ gap)
 
     def _let_stand_alone(self, rows: list[int], returning: set[int]) -> None:
         """Landmarks whose parents do not all return hang on nothing from here on.
@@ -188,9 +225,12 @@ class JointState:
         for row in rows:
             parents = self.atlas.parents[row]
             if any(self.atlas.place[parent] == AWAY and parent not in returning for parent in parents[parents >= 0]):
-                self.atlas.means[row] = means[row]
-                self.atlas.covariances[row] *= 2.0
-                self.atlas.parents[row] = ORPHAN
+                self._stand_alone([row], means)
+
+    def _stand_alone(self, rows: list[int], means: FloatArray) -> None:
+        self.atlas.means[rows] = means[rows]
+        self.atlas.covariances[rows] *= 2.0
+        self.atlas.parents[rows] = ORPHAN
 
     def _bring_one_back(self, row: int) -> None:
         atlas = self.atlas

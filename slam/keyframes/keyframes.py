@@ -108,6 +108,12 @@ class Keyframes:
         )
         self._joint.add_keyframe()
 
+    def forget_from(self, number: int) -> None:
+        """Forget the keyframes from this number on: they were not taken where the map has them."""
+        del self._keyframes[number:]
+        self._joint.forget_keyframes(number)
+        self._moved_from, self._wanted = None, False
+
     def _candidates(self) -> list[int]:
         """Numbers of the nearest keyframe and of a few old ones nearby."""
         between = self._joint.from_keyframes()

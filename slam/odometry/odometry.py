@@ -3,6 +3,7 @@
 The increment is expressed in the body frame at the previous scan, so that it is the same for every particle.
 """
 
+import math
 from collections import Counter, deque
 from dataclasses import dataclass, fields, replace
 
@@ -252,3 +253,14 @@ def _geometries(settings: OdometrySettings) -> FloatArray:
             moved[constant] += deviation
             rows.append(moved)
     return np.array(rows)
+
+
+def compound(pose: Pose2, covariance: FloatArray, increment: Increment) -> FloatArray:
+    """Covariance (3, 3) of pose (+) increment, first order."""
+    moved = pose @ increment.as_pose()
+    by_pose = np.eye(3)
+    by_pose[0, 2], by_pose[1, 2] = pose.y_m - moved.y_m, moved.x_m - pose.x_m
+    cosine, sine = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    turned = np.array(((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)))
+    total: FloatArray = by_pose @ covariance @ by_pose.T + turned @ increment.covariance @ turned.T
+    return 0.5 * (total + total.T)

@@ -7,6 +7,7 @@ import numpy as np
 from drivers.measurements import FloatArray, IntArray
 from slam.observations import IDENTITIES_PER_SCAN, FeatureRows
 from slam.odometry.odometry import Increment
+from slam.particles.redraw import redrawn
 from slam.particles.resampling import adopt_maps, effective_particles, normalised, parents_in_place, systematic_copies
 from slam.particles.step import (
     CREATED,
@@ -87,16 +88,15 @@ class FastSlam:
             float(tallies[REMOVED]) * share,
         )
 
-    def restart(self, mean: Pose2, covariance: FloatArray) -> None:
-        """Begin again around a pose (3, 3), with empty maps: those of before belong to another place."""
-        values, vectors = np.linalg.eigh(covariance)
-        normals = self._generator.standard_normal(self.poses.shape)
-        self.poses = mean.as_array() + (normals * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-        self.weighted_poses = self.poses
+    def redraw(self, mean: FloatArray, covariance: FloatArray, identities: IntArray, log_odds: FloatArray) -> None:
+        """Begin anew from a Gaussian over the pose and landmarks (L,): mean (3 + 2 L,) and its covariance."""
+        normals = self._generator.standard_normal((len(self.poses), 3))
+        self.poses, self.store = redrawn(
+            mean, covariance, identities, log_odds, normals, self._tuning.cell_m, self._settings.view.range_max_m
+        )
         self.log_weights = np.zeros(len(self.poses))
         self.weights = normalised(self.log_weights)
-        self.best = 0
-        self.store = LandmarkStore(self._settings.particles, self._tuning.cell_m)
+        self.weighted_poses, self.best = self.poses, 0
 
     def mean(self) -> tuple[Pose2, FloatArray]:
         """Weighted mean and covariance (3, 3) of the last scan, before resampling."""

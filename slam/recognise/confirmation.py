@@ -1,6 +1,7 @@
 """A place is announced when two attempts agree and the second has evidence that the first had not.
 
-Two attempts in a row are weaker than they look: what chance arranged once is still there a step later.
+Two attempts in a row are weaker than they look: what chance arranged once is still there a step later. The first may
+have been one on a part of what is seen: what was withheld from it is new as well.
 """
 
 import math
@@ -28,7 +29,10 @@ class Confirmation:
             expected = self._map_from_frame @ frame_from_body
             off = expected.inverse() @ hypothesis.map_from_body
             if math.hypot(off.x_m, off.y_m) < AGREE_M and abs(wrap_rad(off.heading_rad)) < AGREE_RAD:
-                return len(known - self._known) >= NEW_MATCHES
+                if len(known - self._known) >= NEW_MATCHES:
+                    return True
+                if len(known) >= len(self._known):
+                    return False
         self._map_from_frame = hypothesis.map_from_body @ frame_from_body.inverse()
         self._known = known
         return False

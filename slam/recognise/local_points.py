@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from drivers.measurements import BoolArray
+from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.joint.gaussian import KEYFRAME
 from slam.joint.measurement import FIRST_PLACE
 from slam.joint.state import JointState
@@ -13,6 +13,7 @@ from slam.recognise.attempt import LocalPoints
 from slam.recognise.scale import Scale
 
 LEAST_LOG_ODDS = 1.5  # seen twice
+MOST_AROUND = 64
 
 
 def local_points(state: JointState, scale: Scale, since_scan: int = 0) -> LocalPoints:
@@ -43,3 +44,17 @@ def local_points(state: JointState, scale: Scale, since_scan: int = 0) -> LocalP
     return LocalPoints(
         everything.identities[exact], points[exact], covariance[np.ix_(both, both)], everything.log_odds[exact]
     )
+
+
+def around(state: JointState, radius_m: float) -> tuple[FloatArray, FloatArray, IntArray, FloatArray]:
+    """The pose and the landmarks (L,) nearest to it, MOST_AROUND at most: mean (3 + 2 L,), covariance, identities,
+    log-odds of existence.
+    """
+    distances = np.hypot(*(state.points_m - state.mean[:2]).T)
+    real = (state.atlas.identities[state.rows] != KEYFRAME) & (distances < radius_m)
+    numbers = np.argsort(np.where(real, distances, math.inf), kind="stable")[: min(int(real.sum()), MOST_AROUND)]
+    places = FIRST_PLACE + 2 * numbers
+    chosen = np.concatenate((np.arange(3), np.column_stack((places, places + 1)).ravel()))
+    rows = state.rows[numbers]
+    covariance = state.covariance[np.ix_(chosen, chosen)]
+    return state.mean[chosen], covariance, state.atlas.identities[rows], state.atlas.log_odds[rows]

@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from drivers.measurements import SensorHealth, SensorState
 from runtime.health import HealthMonitor, RunState
 from runtime.tick import SinkHealth
-from slam.estimate import Estimate, Quality
+from slam.estimate import Estimate, Quality, Recognition
 from slam.pose import Pose2
 
 FRESH = SensorHealth(SensorState.FRESH, "", 10.0)
@@ -69,3 +71,17 @@ def test_a_doubted_pose_is_a_reason_and_each_change_of_it_an_event() -> None:
     assert [health.state for health, _ in told] == ["running", "degraded", "degraded", "lost", "running"]
     assert [len(events) for _, events in told] == [1, 1, 0, 1, 1]
     assert told[3][1][0].reason == "lost: pose lost, nothing of the map is seen: for 2.1 s"
+
+
+def test_a_recognised_place_is_an_event_with_its_figures() -> None:
+    monitor = HealthMonitor()
+    monitor.assess(1, {"laser": FRESH}, QUIET, WELL)
+    found = Recognition(
+        map_id=1, joined=2, odds=16.4, mirror_odds=3.1, probability_wrong=1e-3, matches=9, moved_m=35.8, turned_rad=-0.5
+    )
+    (event,) = monitor.assess(2, {"laser": FRESH}, QUIET, replace(WELL, recognition=found))[1]
+    for part in ("map 1", "map 2", "9 landmarks", "odds 16 (the mirror's 3)", "0.001", "35.8 m", "-29 deg"):
+        assert part in event.reason
+    (event,) = monitor.assess(3, {"laser": FRESH}, QUIET, replace(WELL, recognition=Recognition(3, is_new=True)))[1]
+    assert event.kind == "new map"
+    assert "map 3" in event.reason

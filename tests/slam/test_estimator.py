@@ -20,8 +20,8 @@ from drivers.measurements import (
     uniform_bearings,
 )
 from slam.estimate import Estimate, Quality
-from slam.estimator import Estimator, compound
-from slam.odometry.odometry import Increment
+from slam.estimator import Estimator
+from slam.odometry.odometry import Increment, compound
 from slam.pose import Pose2
 from slam.settings.slam import SlamSettings
 from slam.visibility import sight_line

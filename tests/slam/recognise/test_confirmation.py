@@ -38,6 +38,13 @@ def test_the_same_evidence_again_confirms_nothing_however_often_it_comes() -> No
     assert not any(confirmation.add(hypothesis(HERE, range(8)), Pose2()) for _ in range(10))
 
 
+def test_what_was_withheld_from_one_attempt_is_new_evidence_for_the_next() -> None:
+    confirmation = Confirmation()
+    assert not confirmation.add(hypothesis(HERE, range(9)), Pose2())
+    assert not confirmation.add(hypothesis(HERE, range(6)), Pose2())
+    assert confirmation.add(hypothesis(HERE, range(9)), Pose2())
+
+
 def test_a_place_that_disagrees_becomes_the_first_of_two() -> None:
     confirmation = Confirmation()
     confirmation.add(hypothesis(Pose2(), range(8)), Pose2())

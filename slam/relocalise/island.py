@@ -1,0 +1,107 @@
+"""One of the maps that the rover knows: how it is recognised, and how what is around the rover becomes part of it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from slam.joint.atlas import AWAY
+from slam.joint.gaussian import CONFIRMED_LOG_ODDS, KEYFRAME, JointGaussian
+from slam.joint.state import JointState
+from slam.keyframes.keyframes import Keyframes
+from slam.pose import Pose2, wrap_rad
+from slam.recognise.attempt import Hypothesis
+from slam.recognise.confirmation import Confirmation
+from slam.recognise.local_points import local_points
+from slam.recognise.map_index import MapIndex
+from slam.relocalise.join import carry_along, condition_on_same, far_landmarks, join, rows_since
+from slam.relocalise.joint_compatibility import Conditioned
+from slam.relocalise.rooting import Rooting
+
+MODELLED_SQUARE = 16.3  # chi square of three coordinates, 99.9 %: within it the pose drifted as far as was thought
+HEADING_RADPM = 0.1  # times the scale's sigma: what a recognised heading may be off by
+
+
+@dataclass(slots=True, eq=False)
+class Island:
+    """number: its map id. index: of its rooted landmarks. tried: the local landmarks of the last attempt in it.
+    before_doubt: its state when the rooted part went out of view or the pose came into doubt.
+    """
+
+    number: int
+    joint: JointGaussian
+    keyframes: Keyframes
+    index: MapIndex
+    rooting: Rooting = field(default_factory=Rooting)
+    confirmation: Confirmation = field(default_factory=Confirmation)
+    tried: tuple[int, ...] = ()
+    before_doubt: JointState | None = None
+
+    def follow(self, most_changes: int | None) -> bool:
+        """Bring the index up to date with the map as it was before doubt; False where changes are left over."""
+        state = self.joint.state if self.before_doubt is None else self.before_doubt
+        atlas = state.atlas
+        confirmed = (atlas.place >= AWAY) & (atlas.identities != KEYFRAME) & (atlas.log_odds >= CONFIRMED_LOG_ODDS)
+        rows = np.flatnonzero(confirmed & self.rooting.is_rooted(atlas.identities))
+        return self.index.follow(atlas.identities[rows], state.settled_means()[rows], most_changes)
+
+    def forget_unrooted(self) -> None:
+        """Before the map is put aside: where its last part stands is not sure, and nobody will see it again."""
+        self.joint.state.take_out(rows_since(self.joint, self.rooting.before_scan))
+        self.keyframes.forget_from(self.rooting.keyframes)
+
+    def remember(self) -> None:
+        """From now on chance matches may bend the map, if the pose is wrong."""
+        if self.before_doubt is None:
+            self.before_doubt = self.joint.state.copied()
+
+    def restore(self) -> None:
+        """The pose was wrong since then."""
+        if self.before_doubt is not None:
+            self.joint.state, self.before_doubt = self.before_doubt, None
+
+    def expects(self, map_from_body: Pose2) -> bool:
+        """Whether a pose in this map is within what the drift of its own pose may be."""
+        off = map_from_body.as_array() - self.joint.map_from_body.as_array()
+        off[2] = wrap_rad(float(off[2]))
+        sigma_m = self.index.scale.sigma_m
+        spread = self.joint.covariance + np.diag(np.square((sigma_m, sigma_m, HEADING_RADPM * sigma_m)))
+        return bool(off @ np.linalg.solve(spread, off) < MODELLED_SQUARE)
+
+    def close_loop(self, found: Hypothesis) -> Conditioned | None:
+        """What was made since the rooted part was left is there already: they are one, and nothing jumps."""
+        same = dict(zip(found.local.tolist(), found.known.tolist(), strict=True))
+        closed = condition_on_same(self.joint, same, self.index.scale)
+        if closed is not None:
+            self.rooting.root(self.joint.scans, len(self.keyframes))
+        return closed
+
+    def take_in(
+        self, source: JointGaussian, reach_m: float, found: Hypothesis, map_from_body: Pose2
+    ) -> Conditioned | None:
+        """Put the rover where it was recognised, with what the source has around it. None where that contradicts.
+
+        source: a local map, another map, or this one, whose part since the rooted one was left is laid elsewhere. What
+        this map has made since then is taken out: it stands where the pose was wrong. Far away it is turned along.
+        """
+        joint, scale, since = self.joint, self.index.scale, self.rooting.before_scan
+        points = local_points(source.state, scale, since if source is joint else 0)
+        here = source.map_from_body
+        behind = [far_landmarks(joint, since, points.identities, here, reach_m)]
+        if source is not joint:
+            behind.append(far_landmarks(source, 0, points.identities, here, reach_m))
+        new_from_old = map_from_body @ source.map_from_body.inverse()
+        along = [far.turned(new_from_old) for far in behind]
+        same = dict(zip(found.local.tolist(), found.known.tolist(), strict=True))
+        live = joint.state
+        if self.before_doubt is not None:
+            joint.state = self.before_doubt.copied()
+        joined = join(joint, points, same, map_from_body, scale, rows_since(joint, since))
+        if joined is None:
+            joint.state = live
+            return None
+        self.keyframes.forget_from(self.rooting.keyframes)
+        for far in along:
+            carry_along(joint, far, scale)
+        joint.scans, joint.moves = source.scans, source.moves
+        self.rooting.root(joint.scans, len(self.keyframes))
+        return joined

@@ -1,0 +1,67 @@
+"""Condition a Gaussian on matches that are jointly compatible; the worst are dropped until the rest are."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from drivers.measurements import FloatArray
+
+ITERATIONS = 3
+DROPPED_SHARE = 3  # at most one match in so many
+NORMAL_999 = 3.090  # quantile of the standard normal distribution
+
+Evaluate = Callable[[FloatArray, list[int]], tuple[FloatArray, FloatArray]]
+
+
+class Conditioned:
+    """mean (N,), covariance (N, N) given the matches that were kept, and their squared distance with its freedom."""
+
+    def __init__(self, mean: FloatArray, covariance: FloatArray, kept: list[int], square: float, freedom: int) -> None:
+        self.mean, self.covariance = mean, covariance
+        self.kept, self.square, self.freedom = kept, square, freedom
+
+
+def chi_square_999(freedom: int) -> float:
+    """What 99.9 % of squared distances stay below (Wilson and Hilferty)."""
+    part = 2.0 / (9.0 * freedom)
+    return float(freedom * (1.0 - part + NORMAL_999 * part**0.5) ** 3)
+
+
+def condition_on_matches(
+    mean: FloatArray,
+    covariance: FloatArray,
+    evaluate: Evaluate,
+    matches: int,
+    sigma_m: float,
+    unknown: int,
+    least: int,
+) -> Conditioned | None:
+    """Iterated extended Kalman filter over gaps of two coordinates that are zero, up to sigma_m.
+
+    evaluate(mean, kept): gaps (2 k,) and their derivatives (2 k, N) of the kept matches. unknown: coordinates that the
+    prior leaves open, which the matches must pay for. None where fewer than `least` matches are compatible.
+    """
+    kept, most_dropped = list(range(matches)), matches // DROPPED_SHARE
+    while len(kept) >= least:
+        at = mean
+        for _ in range(ITERATIONS):
+            gaps, slopes = evaluate(at, kept)
+            innovation = -gaps - slopes @ (mean - at)
+            projected = slopes @ covariance
+            spread = projected @ slopes.T + sigma_m**2 * np.eye(len(gaps))
+            inverse = np.linalg.inv(spread)
+            weighted = inverse @ innovation
+            at = mean + projected.T @ weighted
+        square, freedom = float(innovation @ weighted), 2 * len(kept) - unknown
+        if square <= chi_square_999(freedom):
+            posterior = covariance - projected.T @ inverse @ projected
+            return Conditioned(at, 0.5 * (posterior + posterior.T), kept, square, freedom)
+        if matches - len(kept) == most_dropped:
+            return None
+        # what the squared distance would lose without each match
+        losses = [
+            float(weighted[two] @ np.linalg.solve(inverse[two, two], weighted[two]))
+            for two in (slice(2 * index, 2 * index + 2) for index in range(len(kept)))
+        ]
+        del kept[int(np.argmax(losses))]
+    return None

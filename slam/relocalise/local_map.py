@@ -1,0 +1,57 @@
+"""The map of what has been seen since the pose came into doubt: what is looked for in the maps that are known."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.measurements import FloatArray
+from slam.joint.evidence import Confidence
+from slam.joint.gaussian import JointGaussian
+from slam.observations import FeatureRows
+from slam.quality import QualityMonitor
+from slam.visibility import SightLine
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanSeen:
+    """One scan as the joint Gaussian was told of it: motion since the scan before, features, how far it looked."""
+
+    stamp_ns: int
+    increment_mean: FloatArray
+    increment_covariance: FloatArray
+    rows: FeatureRows
+    sight: SightLine
+    seen_before_share: float | None
+    at_rest: bool
+
+
+class LocalMap:
+    """A joint Gaussian of its own, begun where the other one believes to be, and whether it can be believed itself.
+
+    since_ns, driven_m: when doubt began, and how far the rover has driven since.
+    """
+
+    def __init__(self, joint: JointGaussian, monitor: QualityMonitor, like: JointGaussian, stamp_ns: int) -> None:
+        self.joint = joint
+        self._monitor = monitor
+        self.since_ns = stamp_ns
+        self.driven_m = 0.0
+        joint.state.mean[:3] = like.map_from_body.as_array()
+        joint.scans, joint.moves = like.scans - 1, like.moves - 1
+
+    def follow(self, seen: ScanSeen, *, first: bool) -> None:
+        """One scan more. first: the map begins with it, so that everything may become a landmark."""
+        still = np.zeros(3), np.zeros((3, 3))
+        motion = still if first else (seen.increment_mean, seen.increment_covariance)
+        self.driven_m += math.hypot(*seen.increment_mean[:2].tolist())
+        self.joint.predict(*motion)
+        hints = np.full(seen.rows.ranges_m.size, -1, dtype=np.int64)
+        confidence = Confidence(self.joint.scans - self._monitor.scans + self._monitor.settled_before)
+        self.joint.observe(seen.rows, hints, seen.sight, confidence, first or seen.at_rest)
+        self._monitor.add(seen.stamp_ns, self.joint.evidence, seen.seen_before_share)
+
+    @property
+    def is_spoilt(self) -> bool:
+        """Whether it does not fit what is seen any more: the rover was carried again."""
+        return self._monitor.map_is_kept

@@ -1,0 +1,122 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slam.keyframes.keyframes import Keyframes
+from slam.observations import IDENTITIES_PER_SCAN, Sighting
+from slam.pose import Pose2
+from slam.recognise.attempt import recognise
+from slam.recognise.local_points import local_points
+from slam.recognise.map_index import MapIndex
+from slam.recognise.scale import Scale
+from slam.relocalise.island import Island
+from tests.slam.relocalise.test_relocaliser import PARK, RADIUS_M
+from tests.support.slam.tree_drive import SETTINGS, TreeDrive
+
+SCALE = Scale.of(SETTINGS)
+
+
+def island_of(drive: TreeDrive) -> Island:
+    joint = drive.joint
+    island = Island(1, joint, Keyframes(joint, Pose2()), MapIndex(SCALE))
+    island.rooting.root(joint.scans, 0)
+    island.follow(None)
+    return island
+
+
+def mapped() -> TreeDrive:
+    drive = TreeDrive(1, PARK)
+    drive.circle(120, RADIUS_M)
+    return drive
+
+
+def elsewhere() -> TreeDrive:
+    """Another drive through a part of the same park, in a frame of its own."""
+    drive = TreeDrive(4, PARK)
+    drive.truth = Pose2(8.0, 4.0, 0.4)
+    drive.straight(10)
+    return drive
+
+
+def test_a_drive_is_taken_into_the_map_with_an_honest_covariance_and_what_it_had_not_seen() -> None:
+    island, drive = island_of(mapped()), elsewhere()
+    known = island.joint.landmark_count
+    found = recognise(island.index, local_points(drive.joint.state, SCALE))
+    scans = drive.joint.scans
+    joined = island.take_in(drive.joint, 23.0, found, found.map_from_body)
+    assert joined is not None
+    assert len(joined.kept) >= 0.8 * len(found.known)
+    off = island.joint.map_from_body.inverse() @ drive.truth
+    error = np.array((off.x_m, off.y_m, off.heading_rad))
+    assert error @ np.linalg.solve(island.joint.covariance, error) < 16.3
+    assert math.hypot(off.x_m, off.y_m) < 0.3
+    assert math.sqrt(np.trace(island.joint.covariance[:2, :2])) < 0.5
+    state = island.joint.state
+    assert np.linalg.eigvalsh(state.covariance[: state.size, : state.size]).min() > -1e-9
+    assert known <= island.joint.landmark_count < known + 12
+    assert island.joint.scans == scans
+    identities = island.joint.landmarks().identities
+    assert len(set(identities.tolist())) == len(identities)
+
+
+def test_a_wrong_place_is_refused_and_changes_nothing() -> None:
+    island, drive = island_of(mapped()), elsewhere()
+    found = recognise(island.index, local_points(drive.joint.state, SCALE))
+    island.remember()
+    before, landmarks = island.joint.state_bytes(), island.joint.landmarks().means_m
+    mixed = replace(found, known=np.roll(found.known, 3))
+    assert island.take_in(drive.joint, 23.0, mixed, found.map_from_body) is None
+    assert island.joint.state_bytes() == before
+    assert np.allclose(island.joint.landmarks().means_m, landmarks)
+
+
+def test_what_chance_bent_while_the_pose_was_in_doubt_is_undone() -> None:
+    island, drive = island_of(mapped()), elsewhere()
+    before = island.joint.landmarks()
+    island.remember()
+    island.joint.state.mean[6 : island.joint.state.size] += 2.0
+    found = recognise(island.index, local_points(drive.joint.state, SCALE))
+    assert island.take_in(drive.joint, 23.0, found, found.map_from_body) is not None
+    after = island.joint.landmarks()
+    same = np.isin(after.identities, before.identities)
+    assert np.abs(after.means_m[same] - before.means_m).max() < 0.3
+
+
+def test_landmarks_far_from_the_join_are_turned_along_and_hang_on_nothing() -> None:
+    island, drive = island_of(mapped()), elsewhere()
+    drive.circle(170, 30.0)
+    found = recognise(island.index, local_points(drive.joint.state, SCALE))
+    far = int((np.hypot(*(drive.joint.landmarks().means_m - drive.joint.state.mean[:2]).T) > 23.0).sum())
+    known = island.joint.landmark_count
+    assert island.take_in(drive.joint, 23.0, found, found.map_from_body) is not None
+    means = island.joint.landmarks().means_m
+    nearest = np.array([np.hypot(*(PARK - mean).T).min() for mean in means])
+    assert far > 5
+    assert island.joint.landmark_count > known
+    assert np.quantile(nearest, 0.9) < 1.0
+
+
+@pytest.mark.parametrize(("drift_m", "expected"), [(2.0, True), (9.0, False)])
+def test_a_loop_within_what_the_drift_may_be_is_closed_without_disbelief(drift_m: float, expected: bool) -> None:
+    """The branch for modelled drift: the doubles become one landmark and the pose follows."""
+    drive = mapped()
+    island = island_of(drive)
+    joint, first = drive.joint, drive.joint.scans
+    drive.joint.predict(np.array((drift_m, 0.5, 0.02)), np.diag((1.0, 1.0, 0.02**2)))
+    seen = drive.truth.inverse().transform(PARK)
+    for number, (x, y) in enumerate(seen[np.hypot(*seen.T) < 15.0].tolist()):
+        sighting = Sighting(math.hypot(x, y), math.atan2(y, x), 1e-3, 0.0, 1e-5)
+        joint.state.create(first * IDENTITIES_PER_SCAN + number, 3.0, np.zeros(3), sighting)
+    found = recognise(island.index, local_points(joint.state, SCALE, first))
+    assert found.acceptable
+    assert island.expects(found.map_from_body) is expected
+    if expected:
+        before = joint.landmark_count
+        closed = island.close_loop(found)
+        assert closed is not None
+        assert len(closed.kept) >= 6
+        assert joint.landmark_count == before - len(closed.kept)
+        assert drive.error_m() < 0.3
+        assert island.rooting.before_scan == joint.scans
