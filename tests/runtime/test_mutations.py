@@ -1,0 +1,178 @@
+"""Whatever a configuration, a run or a manifest holds, it is read or refused by an error of the family, and soon.
+
+`make test` draws a few, `make fuzz` twenty times as many.
+"""
+
+import json
+import random
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from runtime.errors import ConfigurationError, InfantError
+from runtime.evaluate.evaluate import evaluate
+from runtime.messages.tick import Record
+from runtime.record.check import recover_run, run_info, verify_run
+from runtime.record.folder import RunFolder
+from runtime.record.manifest import Manifest
+from runtime.record.mcap_file import RunWriter
+from runtime.record.reader import RunReader
+from runtime.replay.replay import replay_run
+from runtime.report.build import build_report
+from runtime.service.memory import resident_mb
+from runtime.settings.configuration import load_configuration, load_configuration_text
+from runtime.source_tree import CONFIG
+from tests.support.examples import examples
+from tests.support.runtime.hostile_runs import write_manifest
+from tests.support.runtime.mutations import mutated_bytes, mutated_text, mutated_ticks
+from tests.support.runtime.seeded_runs import seeded_facts
+
+LONGEST_S = 10.0
+MOST_MB = 300.0
+SEEDS = st.integers(0, 2**32)
+TEXTS = [path.read_bytes() for path in sorted(CONFIG.glob("*.toml"))]
+TEXTS.append(load_configuration(CONFIG / "mock.toml").text.encode())
+Ticks = list[list[Record]]
+
+
+@contextmanager
+def soon_and_in_the_family() -> Iterator[None]:
+    began_s, before_mb = time.monotonic(), resident_mb()
+    with suppress(InfantError):
+        yield
+    assert time.monotonic() - began_s < LONGEST_S
+    assert resident_mb() - before_mb < MOST_MB
+
+
+def complaint(load: Callable[[], object]) -> str:
+    """What a configuration that cannot be used is refused with, "" if it can."""
+    try:
+        load()
+    except ConfigurationError as error:
+        return str(error)
+    return ""
+
+
+@given(SEEDS)
+@examples(100)
+def test_any_configuration_is_read_or_refused_in_printable_lines(seed: int) -> None:
+    rng = random.Random(seed)
+    text = mutated_text(rng, rng.choice(TEXTS), TEXTS)
+    began_s = time.monotonic()
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "rover.toml"
+        path.write_bytes(text)
+        for said in (
+            complaint(lambda: load_configuration(path)),
+            complaint(lambda: load_configuration_text(text.decode(errors="replace"))),
+        ):
+            assert all(line.isprintable() for line in said.split("\n"))
+            assert len(said) < 30_000
+    assert time.monotonic() - began_s < LONGEST_S
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunReader, Ticks]:
+    """A whole run, and its first eight ticks as records."""
+    folder = tmp_path_factory.mktemp("drive") / "run"
+    seeded_facts(folder, 1, duration_s=1.5)
+    replay_run(folder, None, None, True, {})  # loads the kernels
+    reader, ticks = RunReader(folder), Ticks()
+    for record in reader.records():
+        if not ticks or (record.topic in ("/scan", "/tick") and any(each.topic == "/tick" for each in ticks[-1])):
+            ticks.append([])
+        ticks[-1].append(record)
+    return reader, ticks[:8]
+
+
+USES: dict[str, Callable[[Path, Path], object]] = {
+    "info": lambda run, out: run_info(run),
+    "verify": lambda run, out: verify_run(run),
+    "recover": lambda run, out: (recover_run(run, RunFolder.create(out, out)), verify_run(out)),
+    "evaluate": lambda run, out: evaluate(run),
+    "replay": lambda run, out: replay_run(run, None, None, True, {}),
+    "review": lambda run, out: build_report(run),
+}
+
+
+def check_messages(drive: tuple[RunReader, Ticks], seed: int, use: str) -> None:
+    reader, ticks = drive
+    with TemporaryDirectory() as folder:
+        run = Path(folder) / "run"
+        run.mkdir()
+        writer = RunWriter(run / "run.mcap", reader.header.metadata)
+        for records in mutated_ticks(random.Random(seed), ticks):
+            writer.add(records)
+        writer.close()
+        with soon_and_in_the_family():
+            USES[use](run, Path(folder) / "out")
+
+
+@given(seed=SEEDS, use=st.sampled_from(["verify", "recover", "evaluate"]))
+@examples(50)
+def test_any_message_with_right_checksums_is_read_or_refused(
+    drive: tuple[RunReader, Ticks], seed: int, use: str
+) -> None:
+    check_messages(drive, seed, use)
+
+
+@given(seed=SEEDS, use=st.sampled_from(["replay", "review"]))
+@examples(8)
+def test_the_filter_and_the_review_survive_any_message_too(drive: tuple[RunReader, Ticks], seed: int, use: str) -> None:
+    check_messages(drive, seed, use)
+
+
+@given(seed=SEEDS, use=st.sampled_from(["info", "verify", "recover", "evaluate"]))
+@examples(20)
+def test_any_damaged_file_of_a_run_is_read_or_refused(drive: tuple[RunReader, Ticks], seed: int, use: str) -> None:
+    with TemporaryDirectory() as folder:
+        run = Path(folder) / "run"
+        run.mkdir()
+        content = (drive[0].folder.path / "run.mcap").read_bytes()
+        (run / "run.mcap").write_bytes(mutated_bytes(random.Random(seed), content))
+        with soon_and_in_the_family():
+            USES[use](run, Path(folder) / "out")
+
+
+SEGMENT = {"kind": "segment", "name": "run.mcap", "number": 1, "bytes": 1, "sha256": "", "ticks": 1}
+LINES = [
+    {"kind": "run", "created_utc": ""},
+    {**SEGMENT, "first_ns": 0, "last_ns": 0},
+    {"kind": "mark", "from_ns": -1, "to_ns": 1, "reason": "x"},
+    {"kind": "lost", "name": "run-0007.mcap", "ticks": 3, "reason": "x"},
+]
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
+    max_leaves=5,
+)
+
+
+@given(line=st.sampled_from(LINES), key=st.integers(0, 8), value=VALUES, seed=SEEDS, has_right_hashes=st.booleans())
+@examples(50)
+def test_any_manifest_is_read_or_damage(
+    drive: tuple[RunReader, Ticks],
+    line: dict[str, object],
+    key: int,
+    value: object,
+    seed: int,
+    has_right_hashes: bool,
+) -> None:
+    with TemporaryDirectory() as folder:
+        run = Path(folder)
+        (run / "run.mcap").write_bytes((drive[0].folder.path / "run.mcap").read_bytes())
+        changed = {**line, list(line)[key % len(line)]: value}
+        path = write_manifest(run, *LINES, changed)
+        if not has_right_hashes:
+            path.write_bytes(mutated_bytes(random.Random(seed), path.read_bytes()))
+        manifest = Manifest.load(path)
+        assert manifest.damage or json.dumps(manifest.lines)
+        with soon_and_in_the_family():
+            verify_run(run)
+            run_info(run)
