@@ -1,6 +1,8 @@
 # make run   sets up and drives the simulated rover for a minute
 # make test  sets up and passes the tests (lint, types, tests)
 # make fuzz  looks for inputs that no property test has drawn yet, 20 times as many, and prints those that fail
+# make sbom  writes what an installation consists of, with hashes: build/sbom.cdx.json (CycloneDX)
+# make audit asks for known weaknesses in what is pinned; says so where no service answers
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -8,7 +10,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 export OPENBLAS_NUM_THREADS := 1
 export RERUN_ANALYTICS := off
 
-.PHONY: run test check lint types fuzz bench soak browser system docs lock clean help
+.PHONY: run test check lint types fuzz sbom audit bench soak browser system docs lock clean help
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -28,6 +30,17 @@ types: $(VENV)/.installed-dev
 
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=fuzz --timeout=0 $(ARGS)
+
+sbom: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.support.sbom build/sbom.cdx.json
+
+AUDIT := $(BIN)/uv tool run --quiet --from pip-audit==2.10.1 pip-audit --vulnerability-service osv --disable-pip \
+	--require-hashes --requirement requirements.lock --progress-spinner off --format json --output build/audit.json
+audit: $(VENV)/.installed-dev
+	@mkdir -p build && rm -f build/audit.json
+	@$(AUDIT) 2>build/audit.log && echo "no known weakness: build/audit.json" \
+	  || { [ ! -s build/audit.json ] || { cat build/audit.json; exit 1; }; \
+	  echo "NOT AUDITED: no service of known weaknesses answers, see build/audit.log"; }
 
 bench: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m bench $(ARGS)

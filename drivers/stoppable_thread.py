@@ -63,7 +63,7 @@ class StoppableThread:
             try:
                 if self._has_run():
                     return
-            except BaseException:  # noqa: BLE001 raised while the one before was being told
+            except BaseException:  # noqa: BLE001, S112 raised while the one before was being told
                 continue
 
     def _has_run(self) -> bool:

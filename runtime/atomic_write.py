@@ -44,8 +44,8 @@ def replacement(path: Path) -> Iterator[Path]:
             unfinished = Path(private) / path.name
             yield unfinished
             with (
+                unfinished.open("rb") as source,  # while we may still read it
                 _replacing(path) as (folder, name),
-                unfinished.open("rb") as source,
                 open(os.open(name, WRITE_FLAGS, dir_fd=folder), "wb") as target,
             ):
                 shutil.copyfileobj(source, target)

@@ -291,7 +291,7 @@ def replay_lines(summary: dict[str, Any]) -> list[str]:
         differs = f"DIFFERS: {summary['difference']}"
         if summary["within_tolerance"] is not None:
             differs = f"other processor: {summary['other_processor']}; {summary['deviation']}; {summary['difference']}"
-            differs = differs if summary["within_tolerance"] else f"DIFFERS, and on an {differs}"
+            differs = differs if summary["within_tolerance"] else f"DIFFERS ({differs})"
         lines.append(f"verify    {same if summary['identical'] else differs}")
     if summary["truncated"] is not None:
         lines.append(f"note      {summary['truncated']}")

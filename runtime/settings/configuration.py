@@ -37,6 +37,7 @@ Tree = dict[str, Any]
 
 LARGEST_BYTES = 64 << 10  # of a file; all keys with all comments take 20 kB
 DEEPEST = 16  # tables in tables
+MOST_DOTS = 300  # in a line: the library takes the square of a key's parts in steps, minutes for 30 000
 MOST_PROBLEMS = 20  # sentences about one file
 LONGEST_PROBLEM, LONGEST_VALUE = 1000, 200  # characters
 
@@ -162,6 +163,8 @@ def _refused(source: str, problems: list[str]) -> ConfigurationError:
 def _parsed(text: str, source: str) -> Tree:
     if len(text) > LARGEST_BYTES:
         raise _refused(source, [f"it has {len(text)} characters, a configuration has at most {LARGEST_BYTES}"])
+    if (dots := max(line.count(".") for line in text.split("\n"))) > MOST_DOTS:
+        raise _refused(source, [f"not valid TOML: a line with {dots} dots; a key has few parts"])
     try:
         tree = tomllib.loads(text)
     except RecursionError:

@@ -184,9 +184,10 @@ def _live_notes() -> tuple[str, ...]:
 
 
 def _is_active(unit: str) -> bool:
-    if shutil.which("systemctl") is None:
+    systemctl = shutil.which("systemctl")
+    if systemctl is None:
         return False
-    return subprocess.run(["systemctl", "is-active", "--quiet", unit], capture_output=True, check=False).returncode == 0
+    return subprocess.run([systemctl, "is-active", "--quiet", unit], capture_output=True, check=False).returncode == 0
 
 
 def _planned(source: Path, target: Path, program: Path) -> PlannedFile:

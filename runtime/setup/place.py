@@ -8,7 +8,7 @@ from pathlib import Path
 
 from runtime.source_tree import ROOT
 
-HIDDEN = tuple(Path(each) for each in ("/home", "/root", "/run/user", "/tmp", "/var/tmp"))
+HIDDEN = tuple(Path(each) for each in ("/home", "/root", "/run/user", "/tmp", "/var/tmp"))  # noqa: S108 nothing is put there
 """What ProtectHome= and PrivateTmp= of the unit take out of the service's sight."""
 
 PLAIN = re.compile(r"[A-Za-z0-9._/+@-]+")  # all else would have to be quoted in a unit

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.atomic_write import atomic_write, replacement
+from runtime.atomic_write import acting_as_owner, atomic_write, replacement
 from runtime.record.folder import RunFolder
 from runtime.record.manifest import Manifest
 from runtime.setup.install import FileState, Plan, PlannedFile, apply
@@ -123,3 +123,52 @@ def test_the_name_is_synced_after_the_content(folder: Path, monkeypatch: pytest.
     atomic_write(folder / "map.json", "new")
     assert steps[0].endswith(".unfinished")
     assert steps[1:] == ["rename", str(folder)]
+
+
+NOBODY = 65534
+
+
+@pytest.fixture
+def of_nobody(folder: Path) -> Path:
+    """A folder of another user, in which root writes; what that user may not write to stays as it is."""
+    if os.geteuid() != 0:
+        pytest.skip("only root can make a folder of another user")
+    folder.parent.chmod(0o755)
+    for above in folder.parents[:3]:
+        above.chmod(above.stat().st_mode | 0o011)
+    os.chown(folder, NOBODY, NOBODY)
+    return folder
+
+
+def test_root_writes_into_the_folder_of_another_user_as_that_user(of_nobody: Path) -> None:
+    atomic_write(of_nobody / "map.json", "new")
+    with replacement(of_nobody / "review.rrd") as unfinished:
+        assert unfinished.parent != of_nobody  # a library's threads would follow links there as root
+        unfinished.write_text("drawn")
+    made = RunFolder.create(of_nobody / "replays" / "one", of_nobody)
+    for path in (of_nobody / "map.json", of_nobody / "review.rrd", made.path):
+        assert path.stat().st_uid == NOBODY
+    assert (of_nobody / "review.rrd").read_text() == "drawn"
+    (folder := of_nobody.parent / "mine").mkdir()
+    atomic_write(folder / "file", "")  # and is root again
+    assert (folder / "file").stat().st_uid == 0
+
+
+def test_root_has_no_more_rights_there_than_that_user(of_nobody: Path) -> None:
+    of_nobody.chmod(0o500)
+    with pytest.raises(PermissionError):
+        atomic_write(of_nobody / "map.json", "new")
+    with acting_as_owner(of_nobody), pytest.raises(PermissionError):
+        (of_nobody.parent / "elsewhere").write_text("as nobody")
+
+
+def test_a_library_gets_a_name_in_utf_8_whatever_the_folder_is_called(tmp_path: Path) -> None:
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/b\xe4d"))
+    folder.mkdir()
+    with replacement(folder / "review.rrd") as unfinished:
+        str(unfinished).encode()
+        unfinished.write_text("drawn")
+    atomic_write(folder / "report.html", f"of {folder.name}")
+    assert (folder / "review.rrd").read_text() == "drawn"
+    assert (folder / "report.html").read_text() == "of b\\udce4d"
+    assert len(os.listdir(folder)) == 2

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -141,7 +142,7 @@ def test_any_damaged_file_of_a_run_is_read_or_refused(drive: tuple[RunReader, Ti
 
 
 SEGMENT = {"kind": "segment", "name": "run.mcap", "number": 1, "bytes": 1, "sha256": "", "ticks": 1}
-LINES = [
+LINES: list[dict[str, Any]] = [
     {"kind": "run", "created_utc": ""},
     {**SEGMENT, "first_ns": 0, "last_ns": 0},
     {"kind": "mark", "from_ns": -1, "to_ns": 1, "reason": "x"},
@@ -158,7 +159,7 @@ VALUES = st.recursive(
 @examples(50)
 def test_any_manifest_is_read_or_damage(
     drive: tuple[RunReader, Ticks],
-    line: dict[str, object],
+    line: dict[str, Any],
     key: int,
     value: object,
     seed: int,

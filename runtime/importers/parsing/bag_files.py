@@ -146,7 +146,8 @@ class LooseBag:
             self.topics |= {name: normalised(kind) for _, name, kind in rows}
             wanted = [number for number, name in names.items() if name in topics]
             marks = ",".join("?" * len(wanted))
-            order = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY timestamp"
+            # marks is nothing but question marks
+            order = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY timestamp"  # noqa: S608
             for number, log_ns, data in database.execute(order, wanted):
                 yield BagMessage(names[number], int(log_ns), bytes(data), False)
 

@@ -1,0 +1,50 @@
+"""Whoever may write into a run's folder may mark; what he leaves there cannot keep the recorder from its work."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from runtime.errors import StorageError
+from runtime.record.manifest import Manifest
+from runtime.record.marks import LONGEST_REASON, leave_mark, take_marks
+from tests.runtime.record.test_segments import Drive, driven
+
+
+def test_what_is_no_small_file_is_a_mark_without_words(tmp_path: Path) -> None:
+    folder = driven(tmp_path / "run")
+    folder.marks_path.mkdir()
+    (tmp_path / "secret").write_text("the key")
+    (folder.marks_path / "a.txt").symlink_to(tmp_path / "secret")
+    os.mkfifo(folder.marks_path / "b.txt")
+    (folder.marks_path / "c.txt").mkdir()
+    (folder.marks_path / "d.txt").write_text("x" * 100_000)
+    (folder.marks_path / "e.txt").write_text("\x1b[2J a branch\nFAKE")
+    marks = {path.name: reason for path, reason in take_marks(folder).items()}
+    assert all(marks[f"{name}.txt"].startswith("a mark that cannot be read") for name in "abcd")
+    assert marks["e.txt"] == "\\x1b[2J a branch\\nFAKE"
+    assert "key" not in "".join(marks.values())
+
+
+def test_marks_behind_a_link_are_neither_read_nor_left(tmp_path: Path) -> None:
+    drive = Drive(tmp_path / "run")
+    drive.run(3)
+    (tmp_path / "victim").mkdir()
+    drive.folder.marks_path.symlink_to(tmp_path / "victim")
+    with pytest.raises(OSError, match="it is a link"):
+        take_marks(drive.folder)
+    with pytest.raises(StorageError, match="it is a link"):
+        leave_mark(drive.folder, "a branch", within_s=0.0)
+    assert list((tmp_path / "victim").iterdir()) == []
+
+
+def test_a_reason_is_kept_as_one_printable_line(tmp_path: Path) -> None:
+    folder = driven(tmp_path / "run")
+    assert leave_mark(folder, "b\udce4d \x1b[2J\n")
+    assert [mark["reason"] for mark in Manifest.load(folder.manifest_path).marks] == ["b\\udce4d \\x1b[2J"]
+
+
+def test_a_manifest_of_the_longest_marks_is_read_again(tmp_path: Path) -> None:
+    folder = driven(tmp_path / "run")
+    assert leave_mark(folder, "\U0001f333" * LONGEST_REASON)
+    assert Manifest.load(folder.manifest_path).damage == ""

@@ -1,0 +1,43 @@
+"""Two processors are of one kind where their arithmetic gives the same bits; their names are for people."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from runtime.record.header import installed_versions, other_versions
+from runtime.service.processor import KIND, NAMES, other_kind, processor_facts
+
+HERE = installed_versions()
+
+
+def test_the_header_says_processor_instructions_blas_and_libm() -> None:
+    assert set(NAMES) <= HERE.keys()
+    assert all(HERE[name] for name in NAMES)
+    assert "results " in HERE["blas"]
+    assert "results " in HERE["libm"]
+
+
+@pytest.mark.parametrize("name", KIND)
+def test_another_result_is_another_kind_and_another_name_is_not(name: str) -> None:
+    recorded = {**HERE, name: "Other, results 00000000", "processor": "another name"}
+    assert other_kind(recorded, HERE).startswith(f"{name} Other, results 00000000, here ")
+    assert other_kind({**HERE, "processor": "another", "blas": "Zen, " + HERE["blas"].split(", ")[1]}, HERE) == ""
+
+
+def test_a_record_of_an_earlier_release_is_of_no_other_kind() -> None:
+    old = {name: value for name, value in HERE.items() if name not in NAMES}
+    assert other_kind(old, HERE) == ""
+    assert other_versions(old) == []
+
+
+@pytest.mark.skipif(
+    "avx2" not in HERE["instructions"], reason="the cores differ only where there are wide instructions"
+)
+def test_other_kernels_of_blas_are_noticed_by_what_they_compute() -> None:
+    script = "from runtime.service.processor import processor_facts; print(processor_facts()['blas'])"
+    environment = {**os.environ, "OPENBLAS_CORETYPE": "Nehalem"}
+    said = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
+    assert said.stdout.startswith("Nehalem, results ")
+    assert other_kind({"blas": said.stdout.strip()}, dict(processor_facts()))
