@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from drivers.measurements import FloatArray
 
@@ -36,7 +36,7 @@ class Fit:
 
         Each step speaks of the slip of two wheels.
         """
-        return float(t.isf(0.5 * FALSE_ALARM, max(2 * self.steps - len(self.names), 3)))
+        return -float(stdtrit(max(2 * self.steps - len(self.names), 3), 0.5 * FALSE_ALARM))
 
     def direction(self, shares: Mapping[str, float]) -> FloatArray:
         """(p,) from shares by name. Raises ValueError where there is no such parameter."""

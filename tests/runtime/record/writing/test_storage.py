@@ -44,7 +44,7 @@ def test_a_run_that_lies_on_another_disk_than_at_its_start_says_so(
 ) -> None:
     clocked = Clocked(tmp_path / "run", RecordSettings(keep_free_gb=0.0))
     clocked.visit()
-    assert clocked.storage.troubles == ()
+    assert not clocked.storage.troubles
     real, moved = os.stat, clocked.folder.path
 
     def elsewhere(path: object, **given: object) -> os.stat_result:
