@@ -8,6 +8,7 @@ eight seconds tell how much it was. Nothing here looks at a clock.
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from drivers.laser.timing.counter import NS_PER_MS, CounterStatus, CounterUnwrap
@@ -15,12 +16,16 @@ from drivers.laser.timing.delay_steps import BUCKET_NS, DelaySteps
 from drivers.laser.timing.drift import HALF_MS_NS, POINTS_MIN, fastest_slope, slowest_slope, weigh
 
 BUCKETS = 600  # five minutes: a crystal's drift changes with temperature, not faster
+NS_PER_US = 1000
 ANCHOR_LATE_NS = 50_000_000  # by so much the first scan after TM may be later than usual
 ANCHOR_SPAN_NS = 120_000_000_000  # as long the offset hangs on the answers to TM
 AGREEING_SIGMAS = 2.0
 SLOWEST_SPAN_NS = 60_000_000_000
 DRIFT_PRIOR_PPM = 50.0  # crystals are below 100
 DELAY_STEP_NS = 2_000_000  # no crystal moves so far between two fits; the delay of the link has changed
+
+
+Answer = tuple[int, int, int, *tuple[int, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +61,7 @@ class LaserClock:
         self.delay_ns = 0.0
         self.bracket_ns = math.inf
         self._scatter_ns = math.inf
+        self._half_ns = HALF_MS_NS
 
     @property
     def is_anchored(self) -> bool:
@@ -101,10 +107,13 @@ class LaserClock:
         since_ns = 0 if self._anchor is None else self._envelope.at_ns - self._anchor[0]
         drift_ns = min(since_ns * self._drift_sigma, self._scatter_ns)
         further_ns = 2.0 * math.hypot(drift_ns, self._steps.sigma_ns)
-        return (half_ns + HALF_MS_NS + further_ns) / NS_PER_MS
+        return (half_ns + self._half_ns + further_ns) / NS_PER_MS
 
-    def synchronise(self, answers: list[tuple[int, int, int]], nominal_delay_ns: float) -> CounterStatus:
-        """Anchor the offset on answers to TM1: (host ns before, host ns after, counter ms), oldest first.
+    def synchronise(
+        self, answers: Sequence[tuple[int, int, int, *tuple[int, ...]]], nominal_delay_ns: float
+    ) -> CounterStatus:
+        """Anchor the offset on answers to TM1: (host ns before, host ns after, counter ms), oldest first; with the
+        microseconds beyond behind that, where the device tells them.
 
         Without answers the nominal delay from stamp to arrival is assumed. The envelope so far is kept if the
         device has not restarted.
@@ -117,11 +126,12 @@ class LaserClock:
             return CounterStatus.GOOD
         reading = CounterStatus.GOOD
         low, high, at_ns = -math.inf, math.inf, 0
-        for before_ns, after_ns, counter_ms in answers:
+        for before_ns, after_ns, counter_ms, *fraction_us in answers:
             if self._unwrap.take(counter_ms, after_ns, is_query=True) is CounterStatus.RESTARTED:
                 reading = CounterStatus.RESTARTED
-            at_ns = self._unwrap.total_ms * NS_PER_MS
-            narrow_low, narrow_high = before_ns - at_ns - NS_PER_MS, after_ns - at_ns
+            at_ns = self._unwrap.total_ms * NS_PER_MS + sum(fraction_us) * NS_PER_US
+            self._half_ns = 0 if fraction_us else HALF_MS_NS
+            narrow_low, narrow_high = before_ns - at_ns - 2 * self._half_ns, after_ns - at_ns
             if max(low, narrow_low) > min(high, narrow_high):  # a clock that jumps; the newest answer counts
                 low, high = narrow_low, narrow_high
             low, high = max(low, narrow_low), min(high, narrow_high)
@@ -133,8 +143,12 @@ class LaserClock:
         self.bracket_ns = (high - low) / 2.0
         return reading
 
-    def observe(self, counter_ms: int, arrival_ns: int, nominal_delay_ns: float) -> CounterStatus:
-        """Take the stamp of a scan whose first byte arrived at a host time."""
+    def observe(
+        self, counter_ms: int, arrival_ns: int, nominal_delay_ns: float, fraction_us: int | None = None
+    ) -> CounterStatus:
+        """Take the stamp of a scan whose first byte arrived at a host time. fraction_us: beyond the milliseconds, None
+        where the device does not tell it.
+        """
         reading = self._unwrap.take(counter_ms, arrival_ns)
         if reading is CounterStatus.STALE:
             return reading
@@ -145,7 +159,8 @@ class LaserClock:
             self._anchor = None
         if self._envelope is None and self._anchor is None and self.delay_ns == 0.0:
             self.delay_ns = nominal_delay_ns
-        at_ns = self._unwrap.total_ms * NS_PER_MS
+        at_ns = self._unwrap.total_ms * NS_PER_MS + (fraction_us or 0) * NS_PER_US
+        self._half_ns = HALF_MS_NS if fraction_us is None else 0
         point = (at_ns, arrival_ns - at_ns)
         bucket = at_ns // BUCKET_NS
         is_new = bucket != self._bucket or not self._lowest
@@ -173,7 +188,7 @@ class LaserClock:
     def stamp_ns(self) -> int:
         """Host time of the stamp that was observed last."""
         assert self._envelope is not None
-        return round(self._envelope.level_ns - self.delay_ns) + self._envelope.at_ns + HALF_MS_NS
+        return round(self._envelope.level_ns - self.delay_ns) + self._envelope.at_ns + self._half_ns
 
     def lateness_ns(self, arrival_ns: int) -> float:
         """How much later than at best the newest scan arrived."""

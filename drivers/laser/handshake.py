@@ -1,6 +1,7 @@
 """From an open link to a known laser: quiet, SCIP 2.0, and its own description. Section by section as the
 specification's start-up wants it; every step may find a stream that still runs or a command left half."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from drivers.laser.client import QUIET_S, ScipClient
@@ -12,6 +13,7 @@ from drivers.settings.laser import LaserSettings
 REPLY_TIMEOUT_S = 0.5  # s until a command counts as not answered
 ATTEMPTS, OPTIONAL_ATTEMPTS = 3, 2
 DRAIN_S = 0.4
+BOOT_NS = 15_000_000_000  # real ones boot in 2 s
 
 
 class NoAnswerError(LinkError):
@@ -24,10 +26,6 @@ class NotScipError(ProtocolError):
 
 class LaserFaultError(DeviceError):
     """The laser reports a malfunction of its own."""
-
-
-class StillBootingError(DeviceError):
-    """The laser says that it has just been switched on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,16 +73,33 @@ def enter_standby(client: ScipClient, settings: LaserSettings, attempts: int, dr
     raise NotScipError(f"{settings.url} answers with {first!r}, which is not SCIP; check port and baud rate")
 
 
-def describe(client: ScipClient, settings: LaserSettings, is_awaited: bool = False) -> Device:
-    """Ask a quiet laser for VV, PP and II. is_awaited: its boot has been waited for, whatever it still says.
+class BootWait:
+    """A laser that says that it boots is waited for, but not for ever: some say so for as long as they run."""
 
-    Only PP is needed. Raises ProtocolError for parameters that cannot be used, StillBootingError.
+    def __init__(self, now_ns: Callable[[], int]) -> None:
+        self._now_ns = now_ns
+        self._since_ns: int | None = None
+
+    def check(self, state: dict[str, str]) -> None:
+        """Raises DeviceError while it is worth waiting. state: the lines of II."""
+        if not is_booting(state.get("MESM", "")):
+            self._since_ns = None
+            return
+        self._since_ns = self._now_ns() if self._since_ns is None else self._since_ns
+        if self._now_ns() - self._since_ns <= BOOT_NS:
+            raise DeviceError("the laser is still booting; waiting for it")
+
+
+def describe(client: ScipClient, settings: LaserSettings, boot: BootWait) -> Device:
+    """Ask a quiet laser for VV, PP and II.
+
+    Only PP is needed. Raises ProtocolError for parameters that cannot be used, DeviceError of
+    a laser that boots.
     """
     parameters = parse_parameters(_key_values(client, b"PP", settings))
     version = _optional(client, b"VV")
     state = _optional(client, b"II")
-    if is_booting(state.get("MESM", "")) and not is_awaited:
-        raise StillBootingError("the laser is still booting; waiting for it")
+    boot.check(state)
     return Device(parameters, version, state)
 
 

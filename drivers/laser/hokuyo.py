@@ -7,6 +7,7 @@ swaps references.
 import math
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 
 from drivers.events import EventLog
 from drivers.laser.around_errors import AroundErrors
@@ -15,11 +16,11 @@ from drivers.laser.clock import LaserClock
 from drivers.laser.connect import LaserConnector
 from drivers.laser.handshake import (
     REPLY_TIMEOUT_S,
+    BootWait,
     Device,
     LaserFaultError,
     NoAnswerError,
     NotScipError,
-    StillBootingError,
     describe,
     enter_standby,
 )
@@ -50,7 +51,6 @@ RETRY_MAX_S = 0.5  # s between attempts at most; small, because a scan is due 2 
 WAIT_S = 0.25  # longest wait in the kernel, so that closing is quick
 STALE_PERIODS = 3.5
 SILENT_PERIODS = 3.0
-BOOT_NS = 15_000_000_000  # a laser that says so for longer has booted all the same
 REBOOT = "it needs a reboot"
 
 
@@ -85,7 +85,7 @@ class Hokuyo:
         self._fault = ""
         self._advice: dict[str, str] = {}  # what was reported once, by kind
         self._time = TimeAdjustment(settings, self._clock, now_ns, self._events, self._advise_once)
-        self._booting_ns: int | None = None
+        self._boot = BootWait(now_ns)
 
     def start(self) -> None:
         """Begin to connect, in a thread of its own."""
@@ -195,12 +195,7 @@ class Hokuyo:
 
     def _run_session(self, client: ScipClient) -> None:
         """Describe, adjust the clock, stream; a stream without a scan ends the connection. Raises DriverError."""
-        booted = self._booting_ns is not None and self._now_ns() - self._booting_ns > BOOT_NS
-        try:
-            device = describe(client, self._settings, booted)
-        except StillBootingError:
-            self._booting_ns = self._now_ns() if self._booting_ns is None else self._booting_ns
-            raise
+        device = describe(client, self._settings, self._boot)
         self._device = device
         self._note_connection(device)
         request, warnings = scan_request(self._settings, device.parameters)
@@ -212,8 +207,11 @@ class Hokuyo:
         if self._assembly is not None:
             assembly.continue_from(self._assembly)
         self._assembly = assembly
+        self._time.expect(device.parameters.model)
         while True:
             self._time.adjust(client, assembly.nominal_delay_ns)
+            request = replace(request, in_microseconds=self._time.in_microseconds)
+            assembly.expect(request)
             self._request_stream(client, request)
             began_ns = self._now_ns()
             self._stream(client, assembly)
@@ -221,12 +219,13 @@ class Hokuyo:
                 if device.complaint:
                     raise LaserFaultError(f"the laser reports {device.complaint!r} and sends no scan; {REBOOT}")
                 raise LinkError("the laser sends no scan that can be used, even when asked again")
-            self._booting_ns = None
             self._events.count("stream_restarts")
             enter_standby(client, self._settings, attempts=1, drain_first=False)
 
     def _request_stream(self, client: ScipClient, request: ScanRequest) -> None:
         reply = client.ask(request.encode(), REPLY_TIMEOUT_S)
+        if request.in_microseconds and (reply is None or reply.status not in (OK, DATA)):
+            self._time.refuse_microseconds()
         if reply is None:
             raise NoAnswerError(f"{self._settings.url} does not answer {request.command}")
         if is_fault(reply.status):

@@ -43,8 +43,7 @@ class ScanAssembly:
     ) -> None:
         self._settings = settings
         self._parameters = parameters
-        self._decoder = ScanDecoder(request, settings.echo)
-        self._echo_head = request.encode()[:-2]
+        self.expect(request)
         self._clock = clock
         self._events = events
         self._range_codes = range_codes
@@ -79,6 +78,11 @@ class ScanAssembly:
     def nominal_delay_ns(self) -> float:
         """From the stamp of a scan to its arrival, where nothing better is known."""
         return self._nominal_delay_ns
+
+    def expect(self, request: ScanRequest) -> None:
+        """Decode the answers to this request from now on: of the same beams, with stamps of any resolution."""
+        self._decoder = ScanDecoder(request, self._settings.echo)
+        self._echo_head = request.encode()[:-2]
 
     def continue_from(self, before: "ScanAssembly") -> None:
         """Keep what outlives a connection: the newest stamp, and the ranges that a frozen sensor would repeat."""
@@ -127,7 +131,7 @@ class ScanAssembly:
         self._events.add(raw.stamp_ns, kind, f"scan dropped: {reason}")
 
     def _assemble(self, arrival_ns: int, data: ScanData) -> Scan | None:
-        reading = self._clock.observe(data.counter_ms, arrival_ns, self._nominal_delay_ns)
+        reading = self._clock.observe(data.counter_ms, arrival_ns, self._nominal_delay_ns, data.time.fraction_us)
         if reading is CounterStatus.STALE:
             self._events.add(arrival_ns, "stale_stamp", "scan dropped: its stamp is the one before's")
             return None

@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 from drivers.events import EventLog
 from drivers.laser.client import ScipClient
-from drivers.laser.clock import LaserClock
+from drivers.laser.clock import Answer, LaserClock
 from drivers.laser.handshake import REPLY_TIMEOUT_S
 from drivers.laser.timing.counter import CounterStatus
 from drivers.measurements import Severity
-from drivers.scip.codec import OK, ScipError, parse_time
+from drivers.scip.codec import OK, ScipError, parse_device_time
 from drivers.settings.laser import LaserSettings
 
 TIME_SYNC_SAMPLES = 50  # TM1 requests; all brackets together count, and 50 take 30 ms on a network
@@ -26,11 +26,13 @@ IMPOSSIBLE = (
     "scans arrive {0:.1f} ms after their stamp, but a sweep takes {1:.1f} ms: the laser's clock (TM) is off, or "
     "laser.stamp_reference is wrong"
 )
+MICROSECOND_MODEL = "UST"  # of which firmware 4.1.0b knows %TM, %MD and %ME
 
 
 class TimeAdjustment:
     """At the start of each stream, once more where the laser refused while it booted, and after the delay of the link
-    has changed. advise: told in one sentence what is odd, by its kind; says each once.
+    has changed. in_microseconds: scans may be asked for with stamps of that resolution. advise: told in one sentence
+    what is odd, by its kind; says each once.
     """
 
     def __init__(
@@ -47,15 +49,31 @@ class TimeAdjustment:
         self._asked_ns: int | None = None
         self._refusals = 0
         self._steps = 0
+        self._is_refused = False
+        self.in_microseconds = False
+
+    def expect(self, model: str) -> None:
+        """Try for microseconds where the model may have them."""
+        if MICROSECOND_MODEL in model and not self._is_refused:
+            self.in_microseconds = True
+
+    def refuse_microseconds(self) -> None:
+        """The laser answers % with TM and not with a scan: milliseconds have to do."""
+        self._is_refused, self.in_microseconds = True, False
 
     def adjust(self, client: ScipClient, nominal_delay_ns: float) -> None:
         """Ask a laser in standby, and tell the clock. Raises LinkError."""
         if self._is_wanted and self._clock.misfits >= MISFITS:
             self._is_wanted = False
             self._advise("other_clock", OTHER_CLOCK, Severity.WARN)
-        answers = []
+        answers: list[Answer] = []
+        if not self._is_wanted:
+            self.in_microseconds = False
         if self._is_wanted:
-            answers = ask_time(client, self._now_ns)
+            answers = ask_time(client, self._now_ns, b"%" if self.in_microseconds else b"")
+            if not answers and self.in_microseconds:
+                self.in_microseconds = False
+                answers = ask_time(client, self._now_ns)
             self._asked_ns, self._steps = self._now_ns(), self._clock.delay_steps
             self._refusals = 0 if answers else self._refusals + 1
             if not answers:
@@ -79,21 +97,26 @@ class TimeAdjustment:
             self._advise("impossible_delay", IMPOSSIBLE.format(delay_ns * 1e-6, sweep_ns * 1e-6), Severity.WARN)
 
 
-def ask_time(client: ScipClient, now_ns: Callable[[], int]) -> list[tuple[int, int, int]]:
-    """Answers to TM1 as (host ns before, host ns after, counter ms); empty where the laser has no such mode."""
-    reply = client.ask(b"TM0", REPLY_TIMEOUT_S)
-    answers: list[tuple[int, int, int]] = []
+def ask_time(client: ScipClient, now_ns: Callable[[], int], mark: bytes = b"") -> list[Answer]:
+    """Answers to TM1 as (host ns before, host ns after, counter ms); empty where the laser has no such mode.
+
+    mark: b"%" for answers in microseconds, which then stand behind the milliseconds.
+    """
+    reply = client.ask(mark + b"TM0", REPLY_TIMEOUT_S)
+    answers: list[Answer] = []
     if reply is not None and reply.status in (OK, "02"):
         until_ns = now_ns() + round(TIME_SYNC_S * 1e9)
         for _ in range(TIME_SYNC_SAMPLES):
             before_ns = now_ns()
-            reply = client.ask(b"TM1", REPLY_TIMEOUT_S)
+            reply = client.ask(mark + b"TM1", REPLY_TIMEOUT_S)
             after_ns = now_ns()
             if reply is None or reply.status != OK or not reply.lines or after_ns > until_ns:
                 break
             try:
-                answers.append((before_ns, after_ns, parse_time(reply.lines[0])))
+                time = parse_device_time(reply.lines[0])
             except ScipError:
                 continue  # one damaged answer of many
-    client.ask(b"TM2", REPLY_TIMEOUT_S)
+            fraction = () if time.fraction_us is None else (time.fraction_us,)
+            answers.append((before_ns, after_ns, time.counter_ms, *fraction))
+    client.ask(mark + b"TM2", REPLY_TIMEOUT_S)
     return answers

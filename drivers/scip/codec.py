@@ -6,6 +6,7 @@ Source: Hokuyo, Communication Protocol Specification for SCIP2.0 (C-42-03320B), 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from drivers.measurements import DeviceError, ProtocolError
 
@@ -15,6 +16,7 @@ FIRST_CHARACTER = 0x30  # code of the value 0; 0x6f is 63
 OK = "00"
 DATA = "99"
 WORDS_MOST = 200  # characters of a value of VV, PP, II; real ones have 60
+MICROSECOND_CHARACTERS = 11
 COUNTER_MS = 1 << 24  # the device's clock counts milliseconds in 24 bits
 
 
@@ -195,12 +197,29 @@ def encode_key_values(values: Mapping[str, str]) -> bytes:
     return b"".join(lines)
 
 
+class DeviceTime(NamedTuple):
+    """The device's clock: milliseconds in 24 bits, and microseconds beyond them, None where they are not told."""
+
+    counter_ms: int
+    fraction_us: int | None = None
+
+
 def parse_time(line: bytes) -> int:
     """The 24-bit counter of milliseconds of a time line. Raises FramingError or ChecksumError."""
+    return parse_device_time(line).counter_ms
+
+
+def parse_device_time(line: bytes) -> DeviceTime:
+    """A time line: four characters of milliseconds, or eleven of microseconds where a command with % was asked (UST
+    firmware 4.1.0b). Raises FramingError or ChecksumError.
+    """
     characters = unsummed(line)
+    if len(characters) == MICROSECOND_CHARACTERS:
+        whole_ms, fraction_us = divmod(decode_number(characters), 1000)
+        return DeviceTime(whole_ms % COUNTER_MS, fraction_us)
     if len(characters) != 4:
         raise FramingError(f"time line {line[:16]!r} has {len(characters)} characters, expected 4")
-    return decode_number(characters)
+    return DeviceTime(decode_number(characters))
 
 
 def encode_time(counter_ms: int) -> bytes:

@@ -20,7 +20,8 @@ class ScanRequest:
     """What MD, MS, ME, ND, NE ask for as a stream, and GD, GS, GE, HD, HE once.
 
     Steps are the device's own numbers, both included. cluster: steps joined to one value (0 means 1).
-    interval: scans left out after each one sent. count: scans to send, 0 for endless.
+    interval: scans left out after each one sent. count: scans to send, 0 for endless. in_microseconds: with stamps of
+    that resolution, which UST firmware gives to a command behind a %.
     """
 
     command: str
@@ -30,6 +31,7 @@ class ScanRequest:
     interval: int = 0
     count: int = 0
     string: str = ""
+    in_microseconds: bool = False
 
     @property
     def is_stream(self) -> bool:
@@ -59,7 +61,8 @@ class ScanRequest:
 
     def encode(self) -> bytes:
         """The request without its line feed."""
-        text = f"{self.command}{self.first_step:04d}{self.last_step:04d}{self.cluster:02d}"
+        mark = "%" if self.in_microseconds else ""
+        text = f"{mark}{self.command}{self.first_step:04d}{self.last_step:04d}{self.cluster:02d}"
         if self.is_stream:
             text += f"{self.interval:01d}{self.count:02d}"
         return (text + (f";{self.string}" if self.string else "")).encode("ascii")

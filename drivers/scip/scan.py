@@ -16,15 +16,17 @@ from drivers.scip.codec import (
     DATA,
     FIRST_CHARACTER,
     LF,
+    MICROSECOND_CHARACTERS,
     OK,
+    DeviceTime,
     FramingError,
     Message,
     ScanSizeError,
     ScipError,
     StatusError,
     encode_time,
+    parse_device_time,
     parse_message,
-    parse_time,
     summed,
     unsummed,
 )
@@ -37,20 +39,25 @@ LINE = 64  # characters of data in a full line
 ROW = LINE + 2  # with its sum and line feed
 STATUS_LINES = {OK: b"00P", DATA: b"99b"}
 ECHO_MARK = 0x26  # '&', outside of the encoded characters
-STREAM_HEAD = re.compile(rb"\n99b\n([^\n]{5})\n")  # status and time line of a streamed scan
+STREAM_HEAD = re.compile(rb"\n99b\n([^\n]{5}|[^\n]{12})\n")  # status and time line of a streamed scan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanData:
     """One scan as the device counts: codes (N,) in millimetres or an error code below DMIN.
 
-    counter_ms: 24-bit device clock; remaining: scans still to come; intensities (N,) or None.
+    time: the device's clock; remaining: scans still to come; intensities (N,) or None.
     """
 
-    counter_ms: int
+    time: DeviceTime
     remaining: int
     codes: CodeArray
     intensities: CodeArray | None = None
+
+    @property
+    def counter_ms(self) -> int:
+        """24-bit device clock."""
+        return self.time.counter_ms
 
 
 class ScanDecoder:
@@ -70,7 +77,8 @@ class ScanDecoder:
         self._echo_tail = encoded[cut:]
         self._echo_head = encoded[: cut - 2] if request.is_stream else encoded[:cut]
         self._status = DATA if request.is_stream else OK
-        self._data_at = len(encoded) + 1 + 4 + 6  # after the lines of echo, status and time
+        time = MICROSECOND_CHARACTERS if request.in_microseconds else 4
+        self._data_at = len(encoded) + 1 + 4 + time + 2  # after the lines of echo, status and time
         self._rows = (full, ROW)
         self._tail_at = self._data_at + full * ROW
         self._size = self._tail_at + last + 2
@@ -93,17 +101,17 @@ class ScanDecoder:
             raise StatusError(self._request.command, message.status)
         if len(message.lines) < 2:
             raise FramingError(f"scan message {message.echo!r} has {len(message.lines)} lines, expected time and data")
-        counter_ms = parse_time(message.lines[0])
+        time = parse_device_time(message.lines[0])
         payload = [unsummed(line) for line in message.lines[1:]]
         if any(len(line) != LINE for line in payload[:-1]) or len(payload[-1]) > LINE:
             raise FramingError(f"scan message {message.echo!r} has a line that is not {LINE} characters long")
         characters = np.frombuffer(b"".join(payload), np.uint8)
         if self._request.is_multi_echo:
-            return self._split(counter_ms, remaining, self._choose_echo(characters))
+            return self._split(time, remaining, self._choose_echo(characters))
         if characters.size != self._request.beams * self._width:
             got = characters.size / self._width
             raise ScanSizeError(f"scan has {got:g} steps, {self._request.beams} were asked for")
-        return self._split(counter_ms, remaining, _numbers(characters, self._request, self._width))
+        return self._split(time, remaining, _numbers(characters, self._request, self._width))
 
     def _decode_table(self, raw: bytes) -> ScanData | None:
         """The message of nominal layout; None where a line is not as expected, so that the slow way names it."""
@@ -125,7 +133,7 @@ class ScanDecoder:
             return None
         characters = np.concatenate((rows[:, :LINE].reshape(-1), tail[:-1]))
         remaining = self._remaining(head[0])
-        return self._split(parse_time(head[2]), remaining, _numbers(characters, self._request, self._width))
+        return self._split(parse_device_time(head[2]), remaining, _numbers(characters, self._request, self._width))
 
     def _remaining(self, echo: bytes) -> int:
         """Scans still to come, from the echo. Raises FramingError if the echo answers another request."""
@@ -162,10 +170,10 @@ class ScanDecoder:
         kept: CodeArray = values[chosen]
         return kept
 
-    def _split(self, counter_ms: int, remaining: int, values: CodeArray) -> ScanData:
+    def _split(self, time: DeviceTime, remaining: int, values: CodeArray) -> ScanData:
         if self._request.has_intensity:
-            return ScanData(counter_ms, remaining, values[:, 0], values[:, 1])
-        return ScanData(counter_ms, remaining, values[:, 0])
+            return ScanData(time, remaining, values[:, 0], values[:, 1])
+        return ScanData(time, remaining, values[:, 0])
 
 
 def _numbers(characters: ByteArray, request: ScanRequest, width: int) -> CodeArray:
@@ -204,6 +212,6 @@ def scan_counters_ms(data: bytes) -> Iterator[int]:
     """
     for head in STREAM_HEAD.finditer(data):
         try:
-            yield parse_time(head.group(1))
+            yield parse_device_time(head.group(1)).counter_ms
         except ScipError:
             continue

@@ -108,7 +108,7 @@ class CanEncoders:
             facts = {
                 "bus": f"{self._settings.bus.interface} {self._settings.bus.channel}",
                 "condition": str(self._errors.condition),
-            }
+            } | ({"advice": "; ".join(map(UNSIGNED.format, self._frames.unsigned))} if self._frames.unsigned else {})
             return SensorHealth(state, reason, recent / (RATE_WINDOW_NS * 1e-9), counters, ages, facts)
 
     def close(self) -> None:

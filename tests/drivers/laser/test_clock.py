@@ -196,3 +196,22 @@ def test_a_restart_between_the_answers_and_the_first_scan_is_told_once() -> None
     clock.synchronise([(2_150_000_000, 2_150_200_000, 150)], DELAY_NS)
     assert clock.observe(200, 2_275_000_000, DELAY_NS) is CounterStatus.GOOD
     assert clock.stamp_ns() == pytest.approx(2_200_000_000, abs=2_000_000)
+
+
+def test_microseconds_take_away_the_half_millisecond_of_a_counter() -> None:
+    rng = np.random.default_rng(3)
+    clock, device = LaserClock(200.0), SimulatedCounter(20.0, 0)
+
+    def told(host_ns: int) -> tuple[int, int]:
+        whole_us = int(device.time_ms(host_ns) * 1000)
+        return whole_us // 1000 % COUNTER_MS, whole_us % 1000
+
+    clock.synchronise([(ns, ns + 200_000, *told(ns + 100_000)) for ns in range(0, 10_000_000, 1_000_000)], DELAY_NS)
+    errors = []
+    for start_ns in range(50_000_000, 20 * 10**9, PERIOD_NS):
+        counter_ms, fraction_us = told(start_ns)
+        arrival_ns = start_ns + DELAY_NS + int(rng.integers(0, 300_000))
+        clock.observe(counter_ms, arrival_ns, DELAY_NS, fraction_us)
+        errors.append(abs(clock.stamp_ns() - start_ns))
+    assert max(errors) < 300_000
+    assert clock.offset_uncertainty_ms < 1.0

@@ -13,11 +13,11 @@ from drivers.laser import handshake, hokuyo, time_adjustment
 from drivers.laser.link import SerialLink
 from drivers.laser.request import scan_request
 from drivers.measurements import SensorState
-from drivers.scip.codec import StatusError, encode_time
+from drivers.scip.codec import StatusError, decode_number, encode_message, encode_number, encode_time, summed
 from drivers.settings.laser import LaserSettings, SerialEndpoint
 from drivers.settings.simulated_laser import SimulatedLaserSettings
 from drivers.simulated.laser.profiles import PROFILES
-from drivers.simulated.laser.protocol import LaserProtocol
+from drivers.simulated.laser.protocol import LaserProtocol, Sweep
 from tests.support.drivers.laser_bench import driven, next_scan, simulated_laser, wait_for
 from tests.support.drivers.raising import raise_in
 
@@ -130,8 +130,45 @@ def test_a_laser_that_boots_is_waited_for_but_not_for_ever(monkeypatch: pytest.M
     with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url)) as driver:
         wait_for(lambda: "still booting" in driver.health().reason)
         assert driver.health().state is SensorState.STARTING
-        monkeypatch.setattr(hokuyo, "BOOT_NS", 0)
+        monkeypatch.setattr(handshake, "BOOT_NS", 0)
         next_scan(driver)
+
+
+def in_microseconds(answer: bytes) -> bytes:
+    """What firmware that tells microseconds makes of a reply to a command behind a %: 417 of them more."""
+    lines = answer.split(b"\n")
+    if len(lines[2]) == 5 and lines[1] in (b"00P", b"99b"):
+        lines[2] = summed(encode_number(decode_number(lines[2][:-1]) * 1000 + 417, 11))[:-1]
+    return b"%" + b"\n".join(lines)
+
+
+@pytest.mark.parametrize("knows_scans", [True, False])
+def test_microseconds_are_used_where_firmware_tells_them(knows_scans: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    true_reply, true_scan = LaserProtocol.reply, LaserProtocol.scan
+    marked: set[int] = set()
+
+    def reply(self: LaserProtocol, line: bytes, now_ns: int) -> bytes:
+        if not line.startswith((b"%TM", b"%MD")):
+            marked.discard(id(self))
+            return true_reply(self, line, now_ns)
+        if line.startswith(b"%MD") and not knows_scans:
+            return encode_message(line, "0E")
+        marked.add(id(self))
+        return in_microseconds(true_reply(self, line[1:], now_ns))
+
+    def scan(self: LaserProtocol, sweep: Sweep, missing_steps: int = 0) -> bytes:
+        message = true_scan(self, sweep, missing_steps)
+        return in_microseconds(message) if id(self) in marked else message
+
+    monkeypatch.setattr(LaserProtocol, "reply", reply)
+    monkeypatch.setattr(LaserProtocol, "scan", scan)
+    laser = SimulatedLaserSettings(model="UST-10LX")
+    with simulated_laser(laser) as (device, _), driven(LaserSettings(url=device.url)) as driver:
+        next_scan(driver)
+        health = driver.health()
+        assert driver._time.in_microseconds is knows_scans
+    assert health.state is SensorState.FRESH
+    assert health.counters.get("framing_errors", 0) == 0
 
 
 def test_a_clock_that_is_not_that_of_the_scans_is_given_up_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
