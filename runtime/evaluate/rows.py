@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from drivers.measurements import FloatArray
+from runtime.bounded_read import read_bounded
 from runtime.errors import ConfigurationError
 from slam.pose import rotated, wrap_rads
 
 LONGEST_GAP_S = 10.0  # between two rows farther apart anything may have happened: a part of the record is gone
+LARGEST_BYTES = 64 << 20  # a million poses
 ROUNDING_S = 1e-6  # a float of seconds since 1970 is that coarse
 
 
@@ -25,8 +27,8 @@ def read_tum(path: Path) -> FloatArray:
     """Rows (n, 4) of t s, x m, y m, heading rad. Raises ConfigurationError with the line that cannot be read."""
     rows = []
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = read_bounded(path, LARGEST_BYTES).decode().splitlines()
+    except (OSError, ValueError) as error:
         raise ConfigurationError(f"{path} cannot be read as a trajectory ({error}); give a TUM file") from error
     for number, line in enumerate(lines, start=1):
         words = line.split()
@@ -36,7 +38,7 @@ def read_tum(path: Path) -> FloatArray:
             t, x, y, _, qx, qy, qz, qw = map(float, words)
         except ValueError as error:
             expected = "expected 8 numbers 't x y z qx qy qz qw'"
-            raise ConfigurationError(f"{path}:{number}: {expected}, got {line!r}") from error
+            raise ConfigurationError(f"{path}:{number}: {expected}, got {line[:200]!r}") from error
         rows.append((t, x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))))
     if not rows:
         raise ConfigurationError(f"{path} holds no pose; give a TUM file with one pose a line")

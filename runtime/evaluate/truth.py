@@ -1,15 +1,24 @@
 """The reference that a data set brings along, as it is attached to an imported run."""
 
 import io
+import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
+from runtime.errors import NotARunError
+from runtime.printable import printable
 from slam.pose import composed, inverted, wrap_rads
 
 ATTACHMENT = "truth.npz"
+LARGEST_BYTES = 64 << 20  # of all arrays together: two million poses
+LONGEST_KIND = 200
+WIDTHS = {"fixes": 3, "poses": 4, "relations": 5, "landmarks": 3}
 Mount = tuple[float, float, float]
 NO_OFFSET = (0.0, 0.0, 0.0)
 
@@ -58,11 +67,28 @@ class DataSetTruth:
 
     @classmethod
     def from_attachments(cls, attachments: Mapping[str, bytes]) -> "DataSetTruth | None":
-        """The truth that a run holds, None when it holds none."""
+        """The truth that a run holds, None when it holds none. Raises NotARunError where it is none."""
         data = attachments.get(ATTACHMENT)
         if data is None:
             return None
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        of_body = bool(arrays.pop("of_body", False))
-        return cls(pose_kind=str(arrays.pop("pose_kind")), of_body=of_body, **arrays)
+        try:
+            arrays = _arrays(data)
+            of_body = bool(arrays.pop("of_body", False))
+            kind = printable(str(arrays.pop("pose_kind")), LONGEST_KIND)
+            if any(array.ndim != 2 or array.shape[1] != WIDTHS[name] for name, array in arrays.items()):
+                raise ValueError("an array of another shape")
+            floats = {name: np.asarray(array, np.float64) for name, array in arrays.items()}
+            return cls(pose_kind=kind, of_body=of_body, **floats)
+        except (ValueError, KeyError, TypeError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
+            why = printable(str(error), 200)
+            raise NotARunError(f"the run's {ATTACHMENT} is no truth ({why}); import the data set again") from error
+
+
+def _arrays(data: bytes) -> dict[str, NDArray[Any]]:
+    """Raises ValueError where they would take too much memory, and all that the reader of archives raises."""
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        size = sum(each.file_size for each in archive.infolist())
+        if size > LARGEST_BYTES:
+            raise ValueError(f"it would unpack to {size} bytes, {LARGEST_BYTES} are allowed")
+    with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import NotAMapError
+from runtime.printable import printable
 from slam.joint.atlas import PARENTS
 from slam.joint.window import ORPHAN
 from slam.maps.joint_map import JointMap
@@ -15,6 +16,7 @@ from slam.maps.joint_map import JointMap
 MAGIC, FORMAT = b"INFANTMAP", 1
 SHA_BYTES = 32
 FIRST_LINE_BYTES = 64
+LARGEST_BYTES = 256 << 20  # of a file; a map of 10 000 landmarks has a tenth
 LEAST_LANDMARKS = 2  # fewer leave the heading open
 SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "identities": ("<i8", ("L",)),
@@ -110,8 +112,10 @@ def decode_map(data: bytes, name: str) -> SavedMap:
             header["predecessor"],
             header["slam_sources"],
         )
-    except (ValueError, KeyError, TypeError) as error:
-        raise NotAMapError(f"{name} cannot be read as a map ({error}); take another copy of the map") from error
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise NotAMapError(
+            f"{name} cannot be read as a map ({printable(str(error), 200)}); take another copy of the map"
+        ) from error
     return SavedMap(joint, facts, hashlib.sha256(data).hexdigest())
 
 

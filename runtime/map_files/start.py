@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.measurements import Event
+from runtime.bounded_read import read_bounded
 from runtime.errors import ConfigurationError, NotAMapError, UsageError
 from runtime.map_files.fitness import distance_outside, suits
-from runtime.map_files.map_file import SavedMap, decode_map
+from runtime.map_files.map_file import LARGEST_BYTES, SavedMap, decode_map
 from runtime.map_files.map_store import read_map
 from runtime.record.folder import RunFolder
 from runtime.record.header import RunHeader
@@ -130,7 +131,7 @@ def recorded_start(header: RunHeader, folder: RunFolder) -> RunStart | None:
         return None
     path = folder.start_map_path
     try:
-        data = path.read_bytes()
+        data = read_bounded(path, LARGEST_BYTES)
     except OSError as error:
         raise NotAMapError(
             f"{path} cannot be read ({error.strerror}); the run began in this map, and no replay can do without it"

@@ -1,0 +1,52 @@
+"""The truth that a run brings along may be anything."""
+
+import io
+import zipfile
+
+import numpy as np
+import pytest
+
+from runtime.errors import NotARunError
+from runtime.evaluate.truth import ATTACHMENT, LARGEST_BYTES, DataSetTruth
+
+
+def packed(**arrays: object) -> bytes:
+    stream = io.BytesIO()
+    np.savez_compressed(stream, **{name: np.array(value) for name, value in arrays.items()})  # type: ignore[arg-type]
+    return stream.getvalue()
+
+
+def bomb() -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("poses.npy", bytes(LARGEST_BYTES + 1))
+    return stream.getvalue()
+
+
+ATTACHED = {
+    "nothing": b"",
+    "no archive": b"PK nonsense",
+    "an archive that is cut off": packed(pose_kind="x", poses=np.zeros((3, 4)))[:-30],
+    "an archive that unpacks to more than memory": bomb(),
+    "no kind": packed(poses=np.zeros((3, 4))),
+    "poses of two numbers": packed(pose_kind="x", poses=np.zeros((3, 2))),
+    "poses that are text": packed(pose_kind="x", poses=[["a"] * 4]),
+    "an array of its own": packed(pose_kind="x", extra=np.zeros((3, 4))),
+    "objects": packed(pose_kind="x", poses=np.array([[{}] * 4], dtype=object)),
+}
+
+
+@pytest.mark.parametrize("name", ATTACHED)
+def test_what_is_no_truth_is_refused_in_a_sentence(name: str) -> None:
+    with pytest.raises(NotARunError, match=r"truth\.npz is no truth"):
+        DataSetTruth.from_attachments({ATTACHMENT: ATTACHED[name]})
+
+
+def test_a_truth_comes_back_and_its_words_are_printable() -> None:
+    truth = DataSetTruth(poses=np.ones((3, 4)), pose_kind="graph\x1b[2J", relations=np.ones((2, 5)))
+    again = DataSetTruth.from_attachments({ATTACHMENT: truth.attachment()})
+    assert again is not None
+    assert again.pose_kind == "graph\\x1b[2J"
+    assert again.poses is not None
+    np.testing.assert_array_equal(again.poses, np.ones((3, 4)))
+    assert DataSetTruth.from_attachments({}) is None
