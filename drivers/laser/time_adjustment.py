@@ -72,7 +72,7 @@ class TimeAdjustment:
         if self._is_wanted:
             answers = ask_time(client, self._now_ns, b"%" if self.in_microseconds else b"")
             if not answers and self.in_microseconds:
-                self.in_microseconds = False
+                self.refuse_microseconds()
                 answers = ask_time(client, self._now_ns)
             self._asked_ns, self._steps = self._now_ns(), self._clock.delay_steps
             self._refusals = 0 if answers else self._refusals + 1

@@ -21,7 +21,7 @@ class LaserSettings(BaseModel):
     )
     rate_hz: float = Field(
         10.0,
-        gt=0.0,
+        ge=0.1,
         le=50.0,
         description="scans per second; a faster sensor is asked to leave scans out. Lower it, with loop.rate_hz, "
         "on a slow computer; `infant check` warns of a rate that the sensor cannot give",

@@ -39,7 +39,7 @@ class VehicleSettings(BaseModel):
     )
     counts_per_rev: float = Field(
         default=4096.0,
-        gt=0.0,
+        ge=0.01,
         le=1e7,
         description="counts per turn of the wheel, gear included; 1024 lines x 4 on the rover. From the data sheet; a "
         "node that reports its own is compared with it",

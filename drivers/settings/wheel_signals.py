@@ -37,7 +37,8 @@ class WheelSignals(BaseModel):
     )
     counts_per_unit: float = Field(
         default=1.0,
-        gt=0.0,
+        ge=1e-6,
+        le=1e12,
         description="counts in one unit of the scaled position: change it where the DBC scales to turns or metres",
     )
     speed: str = Field(
@@ -97,8 +98,8 @@ class SignalSettings(BaseModel):
     length: int = Field(ge=1, le=64, description="bits")
     order: Literal["little", "big"] = Field(default="little", description="byte order")
     type: Literal["unsigned", "signed", "float"] = Field(default="unsigned", description="how the bits are read")
-    scale: float = Field(default=1.0, description="units per bit")
-    offset: float = Field(default=0.0, description="units at the raw value 0")
+    scale: float = Field(default=1.0, allow_inf_nan=False, description="units per bit")
+    offset: float = Field(default=0.0, allow_inf_nan=False, description="units at the raw value 0")
 
 
 class MessageSettings(BaseModel):

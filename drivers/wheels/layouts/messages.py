@@ -14,6 +14,7 @@ from drivers.settings.wheel_signals import InfoSignals, WheelSignals
 from drivers.wheels.readings import Decoded, Gear, NodeInfo, Refused, Wheel, WheelReading
 
 SENTINEL_BITS = 8  # in fewer bits all ones are a value like any other
+LEAST_FACTOR = 1e-15  # of counts in one bit, and one over the most
 HALF_STEP = 0.5  # of the raw value: a range is written down with rounded ends
 
 
@@ -35,7 +36,12 @@ def quantity(message: Message, name: str, unit_factor: float) -> Quantity:
     signal = signal_of(message, name)
     conversion = signal.conversion
     scale, offset = float(getattr(conversion, "scale", 1.0)), float(getattr(conversion, "offset", 0.0))
-    return Quantity(name, scale * unit_factor, offset * unit_factor)
+    factor = scale * unit_factor
+    if not LEAST_FACTOR <= abs(factor) <= 1.0 / LEAST_FACTOR or not abs(offset) < 1.0 / LEAST_FACTOR:  # false for NaN
+        raise DriverError(
+            f"signal {name} of message {message.name} has the scale ({scale:g},{offset:g}); mend the file"
+        )
+    return Quantity(name, factor, offset * unit_factor)
 
 
 def signal_of(message: Message, name: str):  # type: ignore[no-untyped-def]  # cantools exports no type for it

@@ -44,3 +44,9 @@ def test_an_echo_is_refused_with_a_command_that_does_not_send_it() -> None:
             LaserSettings.model_validate({"echo": echo, "command": command})
     for echo, command in (("last", "ND"), ("last", "NE"), ("strongest", "NE"), ("first", "MD")):
         assert LaserSettings.model_validate({"echo": echo, "command": command}).echo == echo
+
+
+@pytest.mark.parametrize("rate_hz", [1e-300, 0.0, -1.0, float("nan"), float("inf"), 1e300])
+def test_a_rate_that_no_laser_has_is_refused(rate_hz: float) -> None:
+    with pytest.raises(ValidationError, match="rate_hz"):
+        LaserSettings(rate_hz=rate_hz)

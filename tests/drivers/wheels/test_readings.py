@@ -48,7 +48,7 @@ def test_the_checksum_is_the_one_of_sae_j1850() -> None:
 
 @given(
     count=st.integers(0, 2**32 - 1),
-    speed=st.integers(-2048, 2047),
+    speed=st.integers(-2047, 2046),  # the ends say that there is none
     status=st.integers(0, 15),
     alive=st.integers(0, 15),
     boot=st.integers(0, 15),
@@ -59,7 +59,14 @@ def test_what_is_packed_is_unpacked(count: int, speed: int, status: int, alive: 
         values = {signals.count: count, signals.speed: speed, signals.status: status}
         frame = feedback.encode({**values, signals.alive: alive, signals.boot_id: boot})
         (reading,) = FRAMES.decode(frame)
-        assert reading == WheelReading(wheel, count, speed * 50.0, status, status == 0, alive, boot)
+        expected = WheelReading(wheel, count, speed * 50.0, status, status == 0, alive, boot)
+        assert reading == expected._replace(is_sentinel=count == 2**32 - 1)
+
+
+@pytest.mark.parametrize("speed", [-2048, 2047])
+def test_a_speed_that_means_that_there_is_none_is_refused(speed: int) -> None:
+    feedback = FeedbackMessage(Wheel.LEFT, MESSAGES[LAYOUT.left.message], LAYOUT.left, 50.0)
+    assert FRAMES.decode(feedback.encode({LAYOUT.left.speed: speed})) == (Refused(Wheel.LEFT, "not_available"),)
 
 
 @given(bit=st.integers(0, 63))

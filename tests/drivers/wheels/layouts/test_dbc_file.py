@@ -78,3 +78,9 @@ def test_a_path_that_is_no_file_is_refused_in_one_sentence(tmp_path: Path, name:
     (tmp_path / "folder").mkdir()
     with pytest.raises(DriverError, match="cannot be read"):
         dbc_messages(tmp_path / name, ["LW"])
+
+
+@pytest.mark.parametrize("scale", ["(0,0)", "(1e-300,0)", "(1e300,0)", "(1,1e99)"])
+def test_a_scale_that_no_count_has_is_refused(tmp_path: Path, scale: str) -> None:
+    with pytest.raises(DriverError, match="has the scale"):
+        plain(tmp_path, COUNTS.replace("(1,0)", scale))
