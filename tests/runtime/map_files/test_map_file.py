@@ -30,7 +30,7 @@ def test_a_thousand_landmarks_fit_into_two_megabytes() -> None:
     [
         (lambda _: b"", "is empty"),
         (lambda _: b"P5\n3 3\n255\n123456789", "is no map of infant"),
-        (lambda _: os.urandom(4000), "is no map of infant"),
+        (lambda _: bytes(range(255, -1, -1)) * 16, "is no map of infant"),
         (lambda data: data[:5], "is cut off"),
         (lambda data: data[:20], "is cut off"),
         (lambda data: data[:1000], "is cut off: it has 1000 of"),
