@@ -21,10 +21,19 @@ MODELLED_SQUARE = 16.3  # chi square of three coordinates, 99.9 %: within it the
 HEADING_RADPM = 0.1  # times the scale's sigma: what a recognised heading may be off by
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Remembered:
+    """A map as it was after so many scans, with so many keyframes."""
+
+    state: JointState
+    scans: int
+    keyframes: int
+
+
 @dataclass(slots=True, eq=False)
 class Island:
     """number: its map id. index: of its rooted landmarks. tried: the local landmarks of the last attempt in it.
-    before_doubt: its state when the rooted part went out of view or the pose came into doubt.
+    remembered: how it was when the rooted part was last in view and the pose beyond doubt.
     """
 
     number: int
@@ -34,30 +43,30 @@ class Island:
     rooting: Rooting = field(default_factory=Rooting)
     confirmation: Confirmation = field(default_factory=Confirmation)
     tried: tuple[int, ...] = ()
-    before_doubt: JointState | None = None
+    remembered: Remembered | None = None
 
     def follow(self, most_changes: int | None) -> bool:
-        """Bring the index up to date with the map as it was before doubt; False where changes are left over."""
-        state = self.joint.state if self.before_doubt is None else self.before_doubt
+        """Bring the index up to date with the map as it is remembered; False where changes are left over."""
+        state = self.joint.state if self.remembered is None else self.remembered.state
         atlas = state.atlas
         confirmed = (atlas.place >= AWAY) & (atlas.identities != KEYFRAME) & (atlas.log_odds >= CONFIRMED_LOG_ODDS)
         rows = np.flatnonzero(confirmed & self.rooting.is_rooted(atlas.identities))
         return self.index.follow(atlas.identities[rows], state.settled_means()[rows], most_changes)
 
-    def forget_unrooted(self) -> None:
-        """Before the map is put aside: where its last part stands is not sure, and nobody will see it again."""
-        self.joint.state.take_out(rows_since(self.joint, self.rooting.before_scan))
-        self.keyframes.forget_from(self.rooting.keyframes)
+    def remember(self, every_scans: int = 0) -> None:
+        """The map is right as it is. A slip bends it by chance matches before anybody can notice.
 
-    def remember(self) -> None:
-        """From now on chance matches may bend the map, if the pose is wrong."""
-        if self.before_doubt is None:
-            self.before_doubt = self.joint.state.copied()
+        every_scans: nothing is done before so many scans have come since the last time: it is a copy of the map.
+        """
+        if self.remembered is None or self.joint.scans - self.remembered.scans >= every_scans:
+            self.remembered = Remembered(self.joint.state.copied(), self.joint.scans, len(self.keyframes))
 
     def restore(self) -> None:
-        """The pose was wrong since then."""
-        if self.before_doubt is not None:
-            self.joint.state, self.before_doubt = self.before_doubt, None
+        """The map as it is remembered: the pose may have been wrong since then."""
+        if self.remembered is not None:
+            self.joint.state = self.remembered.state
+            self.keyframes.forget_from(self.remembered.keyframes)
+            self.remembered = None
 
     def expects(self, map_from_body: Pose2) -> bool:
         """Whether a pose in this map is within what the drift of its own pose may be."""
@@ -84,6 +93,9 @@ class Island:
         this map has made since then is taken out: it stands where the pose was wrong. Far away it is turned along.
         """
         joint, scale, since = self.joint, self.index.scale, self.rooting.before_scan
+        keyframes = self.rooting.keyframes
+        if self.remembered is not None:
+            since, keyframes = self.remembered.scans, self.remembered.keyframes
         points = local_points(source.state, scale, since if source is joint else 0)
         here = source.map_from_body
         behind = [far_landmarks(joint, since, points.identities, here, reach_m)]
@@ -93,13 +105,13 @@ class Island:
         along = [far.turned(new_from_old) for far in behind]
         same = dict(zip(found.local.tolist(), found.known.tolist(), strict=True))
         live = joint.state
-        if self.before_doubt is not None:
-            joint.state = self.before_doubt.copied()
+        if self.remembered is not None:
+            joint.state = self.remembered.state.copied()
         joined = join(joint, points, same, map_from_body, scale, rows_since(joint, since))
         if joined is None:
             joint.state = live
             return None
-        self.keyframes.forget_from(self.rooting.keyframes)
+        self.keyframes.forget_from(keyframes)
         for far in along:
             carry_along(joint, far, scale)
         joint.scans, joint.moves = source.scans, source.moves

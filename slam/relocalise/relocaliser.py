@@ -28,6 +28,7 @@ REVISIT_M = 10.0  # between attempts while the pose is believed
 CONFIRM_M = 5.0  # the same after one that may be right
 ATTEMPT_NS = 500_000_000  # between attempts in doubt
 FOLLOW_EVERY = 10  # scans, the index is brought up to date
+REMEMBER_EVERY = 10  # scans, at the least, the map is copied while it is right
 MOST_CHANGES = 64  # of an index in a scan
 NEW_MAP_M, NEW_MAP_NS = 30.0, 60_000_000_000  # lost on new ground for so long, a new map begins
 LEAST_LANDMARKS = 6  # of a new map
@@ -77,11 +78,9 @@ class Relocaliser:
         """
         here, joint = self.here, self.here.joint
         self._since_attempt_m += math.hypot(*seen.increment_mean[:2].tolist())
-        if not quality.is_doubted:
-            if here.rooting.add(joint.scans, matched, joint.landmark_count, len(here.keyframes)):
-                here.before_doubt = None
-            else:
-                here.remember()
+        keyframes = len(here.keyframes)
+        if not quality.is_doubted and here.rooting.add(joint.scans, matched, joint.landmark_count, keyframes):
+            here.remember(REMEMBER_EVERY)
         self._follow_local(seen, quality)
         before = joint.map_from_body
         recognition = self._look(seen.stamp_ns) or self._new_map(seen.stamp_ns, quality)
@@ -147,9 +146,7 @@ class Relocaliser:
             settings = self._settings
             made = JointGaussian(settings.joint, self._mount, settings.tuning())
             begun = LocalMap(made, QualityMonitor(settings.quality), joint, seen.stamp_ns)
-            if local is None:
-                self.here.remember()
-            else:
+            if local is not None:
                 begun.since_ns, begun.driven_m = local.since_ns, local.driven_m
             self._local, self._search = begun, None
             self._forget_attempts()
@@ -266,7 +263,6 @@ class Relocaliser:
     def _put_aside(self, island: Island) -> None:
         """Keep a map to be recognised in, without what may be a ghost; beyond MOST_ISLANDS the smallest goes."""
         island.restore()
-        island.forget_unrooted()
         island.follow(None)
         self._others.append(island)
         if len(self._others) > MOST_ISLANDS:
@@ -277,7 +273,8 @@ class Relocaliser:
         after = self.here.joint.map_from_body
         front = Pose2() if self._front_from_map is None else self._front_from_map
         self._front_from_map = front @ before @ after.inverse()
-        self._local, self._search, self.here.before_doubt = None, None, None
+        self._local, self._search = None, None
+        self.here.remember()
         self._forget_attempts()
         self._since_attempt_m = 0.0
         quality.restart(stamp_ns)

@@ -24,6 +24,7 @@ WITHIN_S = 3.0
 DRIVE_S = 600.0
 MUST_SHARE, MUST_PER_HOUR = 0.95, 1.0
 TRULY_LOST_M, TRULY_LOST_RAD = 0.5, 0.1  # a pose that is this wrong is lost indeed, whatever happened to it
+BACK_M, BACK_RAD, BACK_WITHIN_S = 0.1, 0.05, 4.0  # a kidnapped rover is back on the right pose
 SCORES = (1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0, 20.0, 28.0, 40.0, 60.0, 100.0, 200.0, 400.0)
 BLIND_S = (0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 2.5, 2.9, 3.5)
 EXTRA_KINDS = (MishapKind.FROZEN,)
@@ -97,6 +98,7 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
         "kinds": {kind: kind_figures(found) for kind, found in delays.items()},
         "kidnapped": kind_figures([delay for kind in KIDNAPPED for delay in delays.get(kind.value, [])]),
         "blinded": kind_figures([delay for kind in BLINDED for delay in delays.get(kind.value, [])]),
+        "found_back": back_figures([found_back_s(result) for result in results if result["kind"] in KIDNAPPED]),
         "hours": round(hours, 2),
         "false_alarms": false,
         "false_per_hour": round(false / hours, 3) if hours else None,
@@ -122,6 +124,26 @@ def detected_after_s(result: Result, settings: QualitySettings) -> float | None:
         if row[0] >= result["at_s"] and quality is Quality.LOST:
             return float(row[0] - result["at_s"])
     return None
+
+
+def found_back_s(result: Result) -> float | None:
+    """From the mishap to the tick from which on the pose is right; None where it is not at the end."""
+    trace = np.array(result["trace"])
+    after = trace[trace[:, 0] >= result["at_s"]]
+    wrong = np.flatnonzero((after[:, 8] > BACK_M) | (np.abs(after[:, 9]) > BACK_RAD))
+    if len(wrong) == 0:
+        return 0.0
+    return None if wrong[-1] == len(after) - 1 else float(after[wrong[-1] + 1, 0] - result["at_s"])
+
+
+def back_figures(delays: Sequence[float | None]) -> dict[str, Any]:
+    """Share of the kidnapped that were back within BACK_WITHIN_S, and how soon those were that came back."""
+    known = sorted(delay for delay in delays if delay is not None)
+    return {
+        "back_share": round(sum(delay <= BACK_WITHIN_S for delay in known) / len(delays), 3) if delays else None,
+        "back_p50_s": round(float(np.median(known)), 2) if known else None,
+        "back_p99_s": round(float(np.quantile(known, 0.99)), 2) if known else None,
+    }
 
 
 def alarms(results: Sequence[Result], settings: QualitySettings) -> tuple[int, int]:
@@ -164,6 +186,7 @@ def drive_rows(results: Sequence[Result]) -> list[Row]:
     return [
         {
             **{name: result[name] for name in ("seed", "where", "kind", "at_s")},
+            "back_after_s": found_back_s(result) if result["kind"] else None,
             "told_after_s": detected_after_s(result, QualitySettings()) if result["kind"] else None,
             "largest_error_m": max(tick[8] for tick in result["trace"]),
             "changes": len(result["states"]) - 1,
@@ -190,6 +213,12 @@ def study_lines(outcome: dict[str, Any]) -> list[str]:
             delays = (f"{row[key]:.2f} s" if row[key] is not None else "-" for key in ("delay_p50_s", "delay_max_s"))
             figures = " ".join(f"{delay:>8s}" for delay in delays)
             lines.append(f"{name:18s} {row['runs']:7d} {row['told_share']:12.0%} {figures}")
+    back = outcome["found_back"]
+    if back["back_p50_s"] is not None:
+        lines.append(
+            f"found back         {back['back_share']:.0%} of the kidnapped within {BACK_WITHIN_S:g} s to {BACK_M:g} m; "
+            f"median {back['back_p50_s']:.2f} s, 99 % {back['back_p99_s']:.2f} s"
+        )
     per_hour = outcome["false_per_hour"]
     detected = min(outcome[sort]["told_share"] or 0.0 for sort in ("kidnapped", "blinded"))
     lines.append(

@@ -3,10 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from slam.pose import Pose2
-from slam.recognise.attempt import Attempt, Hypothesis, recognise
-from slam.recognise.map_index import index_of
-from tests.support.slam.constellations import (
+from runtime.studies.recognition.constellations import (
     SCALE,
     VIEW_M,
     local_points,
@@ -15,6 +12,9 @@ from tests.support.slam.constellations import (
     seen_from,
     somewhere,
 )
+from slam.pose import Pose2
+from slam.recognise.attempt import Attempt, Hypothesis, recognise
+from slam.recognise.map_index import index_of
 
 PLACES = 12
 

@@ -4,11 +4,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.measurements import FloatArray, IntArray
+from runtime.studies.recognition.constellations import SCALE, scattered
 from slam.recognise import map_index
 from slam.recognise.grid import NONE, make_grid, nearest
 from slam.recognise.map_index import MapIndex, index_of
 from tests.support.examples import examples
-from tests.support.slam.constellations import SCALE, scattered
 
 
 def content(index: MapIndex) -> tuple[set[tuple[int, int, float]], dict[int, tuple[float, ...]], float]:

@@ -16,6 +16,7 @@ from runtime.studies.loss_detection.study import (
     curve,
     detected_after_s,
     drive_rows,
+    found_back_s,
     point_row,
     study_jobs,
     summarise,
@@ -49,6 +50,16 @@ def test_a_bound_out_of_reach_tells_of_nothing(results: list[Result]) -> None:
 def test_the_summary_is_json_and_counts_every_drive(results: list[Result]) -> None:
     figures = json.loads(json.dumps(summarise(results)))
     assert (figures["kidnapped"]["runs"], figures["blinded"]["runs"], figures["false_alarms"]) == (1, 1, 0)
+
+
+def test_back_is_where_the_pose_is_right_from_then_on() -> None:
+    def drive(errors_m: list[float]) -> Result:
+        rows = [[10.0 + 0.1 * number, *([0.0] * 7), error, 0.0, 0.0, 0.0] for number, error in enumerate(errors_m)]
+        return {"at_s": 10.0, "trace": rows}
+
+    assert found_back_s(drive([5.0, 5.0, 0.05, 3.0, 0.05, 0.02])) == pytest.approx(0.4)
+    assert found_back_s(drive([5.0, 0.05, 0.3])) is None
+    assert found_back_s(drive([0.05, 0.02])) == 0.0
 
 
 def test_the_study_has_as_many_drives_of_each_sort_as_it_was_asked_for() -> None:

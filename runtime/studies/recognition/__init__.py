@@ -1,0 +1,1 @@
+"""How often is a place recognised, how often wrongly, and at what cost? Begin at study.py."""
