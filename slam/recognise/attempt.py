@@ -52,9 +52,9 @@ class LocalPoints:
         values: FloatArray = 0.5 * np.diag(self.covariance_m2).reshape(-1, 2).sum(axis=1)
         return values
 
-    def two_thirds(self) -> "LocalPoints":
-        """Without every third of them."""
-        kept = np.flatnonzero(np.arange(len(self)) % 3 < 2)
+    def nearest(self, count: int) -> "LocalPoints":
+        """So many of them, or all."""
+        kept = np.sort(np.argsort(np.hypot(*self.points_m.T), kind="stable")[:count])
         both = np.column_stack((2 * kept, 2 * kept + 1)).ravel()
         covariance = self.covariance_m2[np.ix_(both, both)]
         return LocalPoints(self.identities[kept], self.points_m[kept], covariance, self.log_odds[kept])

@@ -29,6 +29,7 @@ CONFIRM_M = 5.0  # the same after one that may be right
 ATTEMPT_NS = 500_000_000  # between attempts in doubt
 FOLLOW_EVERY = 10  # scans, the index is brought up to date
 REMEMBER_EVERY = 10  # scans, at the least, the map is copied while it is right
+MOST_NEAR, MOST_LOOKED_FOR = 14, 28  # landmarks around the rover, the nearest ones, in the first and second attempt
 MOST_CHANGES = 64  # of an index in a scan
 NEW_MAP_M, NEW_MAP_NS = 30.0, 60_000_000_000  # lost on new ground for so long, a new map begins
 LEAST_LANDMARKS = 6  # of a new map
@@ -39,7 +40,7 @@ MOST_ISLANDS = 8
 class Search:
     """An attempt on an island, and where the rover was in the source's frame when it began.
 
-    whole: with all points, not without a third, as the first of two is made.
+    whole: the second of two.
     """
 
     attempt: Attempt
@@ -200,7 +201,8 @@ class Relocaliser:
     def _begin(self, source: JointGaussian, island: Island, *, whole: bool) -> Search | None:
         """An attempt with what the source has around the rover; None where that is too little, or no other than last.
 
-        The first is made without a third of the points, if they are enough: they are the second's new evidence.
+        The first is made with the nearest points only: the others are the second's new evidence. And where the rover
+        comes out of unmapped country, what lies behind it does not speak against the place ahead.
         """
         since = island.rooting.before_scan if source is island.joint else 0
         points = local_points(source.state, self._scale, since)
@@ -208,9 +210,9 @@ class Relocaliser:
         if len(points) < LEAST_MATCHES or not len(island.index) or (not whole and tried == island.tried):
             return None
         island.tried = tried
-        part = points.two_thirds()
-        whole = whole or len(part) < LEAST_MATCHES
-        attempt = Attempt(self._scale, island.index.indexed, points if whole else part)
+        near = min(2 * len(points) // 3, MOST_NEAR)
+        whole = whole or near < LEAST_MATCHES
+        attempt = Attempt(self._scale, island.index.indexed, points.nearest(MOST_LOOKED_FOR if whole else near))
         return Search(attempt, source, island, source.map_from_body, whole)
 
     def _take(self, search: Search, found: Hypothesis) -> Recognition | None:

@@ -122,3 +122,13 @@ def test_the_stated_probability_is_never_below_what_trials_can_show() -> None:
     known = np.arange(8)
     stated = [Hypothesis(Pose2(), odds, -9.0, known, known, 8).probability_wrong for odds in (-1.0, 0.5, 5.0, 40.0)]
     assert stated == [1.0, 10.0 * math.exp(-0.5), 10.0 * math.exp(-5.0), 1e-3]
+
+
+def test_the_nearest_points_keep_their_own_covariance() -> None:
+    points = local_points(np.array(((9.0, 0.0), (1.0, 1.0), (0.0, 4.0))))
+    points.covariance_m2[2:4, 4:6] = 0.5 * np.eye(2)
+    near = points.nearest(2)
+    assert near.identities.tolist() == [1, 2]
+    assert near.points_m.tolist() == [[1.0, 1.0], [0.0, 4.0]]
+    assert (near.covariance_m2[:2, 2:] == 0.5 * np.eye(2)).all()
+    assert len(points.nearest(7)) == 3
