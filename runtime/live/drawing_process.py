@@ -147,7 +147,9 @@ class ReviewProcess:
                     self._renew()
             assert self._child.stdin is not None
             self._child.stdin.close()
-        except OSError:
+        except Exception as error:  # noqa: BLE001 a frame that was cut in two ends what the child understands
+            if not isinstance(error, OSError):
+                self._child.kill()
             why = f"the drawing process has ended ({self._last_words()}); infant review makes the picture"
             self._trouble = self._trouble or why  # close() knows better when it has ended the child itself
             self._dropped += 1 + self._forget_waiting()

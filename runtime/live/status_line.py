@@ -2,9 +2,9 @@
 
 import contextlib
 import math
-import threading
 from typing import TextIO
 
+from drivers.stoppable_thread import StoppableThread
 from runtime.health import Health
 from runtime.printable import printable
 from runtime.tick import CompletedTick
@@ -21,8 +21,7 @@ class StatusLine:
         self._stream = stream
         self._terminal = stream.isatty()
         self._latest: tuple[CompletedTick, Health] | None = None
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._show, name="status-line", daemon=True)
+        self._thread = StoppableThread("status-line", self._show)
 
     def start(self) -> None:
         """Begin to show."""
@@ -34,8 +33,7 @@ class StatusLine:
 
     def close(self) -> None:
         """End the line, so that what follows starts on a new one."""
-        self._stop.set()
-        self._thread.join(1.0)
+        self._thread.stop(1.0)
         if self._terminal and self._latest is not None:
             self.write("\n")
 
@@ -47,7 +45,7 @@ class StatusLine:
 
     def _show(self) -> None:
         shown: tuple[CompletedTick, Health] | None = None
-        while not self._stop.wait(TERMINAL_PERIOD_S if self._terminal else LOG_PERIOD_S):
+        while not self._thread.wait(TERMINAL_PERIOD_S if self._terminal else LOG_PERIOD_S):
             latest = self._latest
             if latest is None or latest is shown:
                 continue

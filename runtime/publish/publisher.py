@@ -2,18 +2,19 @@
 
 import atexit
 import queue
-import threading
 import time
 
 import zenoh
 
 from drivers.measurements import Event
+from drivers.stoppable_thread import StoppableThread, told
 from runtime.commands import CommandQueue
 from runtime.health import Health
 from runtime.publish.commands import declare_commands
 from runtime.publish.messages import warm_up
 from runtime.publish.session import open_rover_session, rover_config, short_reason
 from runtime.publish.topics import RoverTopics
+from runtime.service.thread_watch import Failures
 from runtime.settings.publish import PublishSettings
 from runtime.tick import CompletedTick, SinkHealth
 
@@ -49,9 +50,9 @@ class ZenohPublisher:
         self._trouble = ""
         self._health: Health | None = None
         self._commands = CommandQueue(time.monotonic_ns)
-        self._stop = threading.Event()
         self.listening: tuple[str, ...] | None = None
-        self._thread = threading.Thread(target=self._run, name="publish", daemon=True)
+        self._failures = Failures("publish", time.monotonic_ns)
+        self._thread = StoppableThread("publish", self._run, failed=self._failures.note)
         if settings.enabled:
             rover_config(settings, rover, settings.listen)  # a file that cannot be used stops the start, not the thread
             warm_up()
@@ -86,23 +87,22 @@ class ZenohPublisher:
 
     def health(self) -> SinkHealth:
         """Ticks waiting and lost, and why there is no session if there is none."""
-        return SinkHealth(self._queue.qsize(), self._dropped, self._trouble)
+        troubles = filter(None, (self._failures.trouble, self._trouble))
+        return SinkHealth(self._queue.qsize(), self._dropped, "; ".join(troubles))
 
     def close(self) -> None:
         """Send what is queued and leave; at most 3 s."""
         if not self._settings.enabled:
             return
-        self._stop.set()
         self._queue.put(None)
-        self._thread.join(CLOSE_S)
+        self._thread.stop(CLOSE_S)
         if not self._thread.is_alive():
             atexit.unregister(self._leave)
 
     def _leave(self) -> None:
         """Close before the interpreter ends, whoever forgot to: a thread of zenoh's that then asks for it aborts."""
-        self._stop.set()
         self._queue.put(None)
-        self._thread.join(LEAVE_S)
+        self._thread.stop(LEAVE_S)
 
     def _run(self) -> None:
         """Own the session from opening to closing; one that cannot be opened is tried again every 5 s."""
@@ -111,7 +111,7 @@ class ZenohPublisher:
                 session, listening = open_rover_session(self._settings, self._rover)
             except zenoh.ZError as error:
                 self._trouble = f"no zenoh session: {short_reason(error)}"
-                if self._stop.wait(REOPEN_S):
+                if self._thread.wait(REOPEN_S):
                     return
                 continue
             self._trouble = ""
@@ -140,6 +140,8 @@ class ZenohPublisher:
                 self._dropped += 1
                 what = f"state {item.state}" if isinstance(item, Health) else f"tick {item.tick.seq}"
                 self._trouble = f"{what} not published: {error!r}"
+                if not isinstance(error, zenoh.ZError):
+                    self._failures.note(told(error))
 
     def _close_session(self, session: zenoh.Session) -> None:
         """Say goodbye; towards a peer that has stopped reading this takes zenoh's 10 s, which close() does not wait."""

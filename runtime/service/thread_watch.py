@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 from drivers.measurements import Event, Severity
 
+TOLD_NS = 5_000_000_000  # how long a failure is a trouble: long enough to be seen
 TIMEOUT_S = 30.0  # longer than a connection attempt, a baud search and a stalled SD card together
 
 
@@ -72,6 +73,29 @@ class ThreadWatch:
 
     def _is_silence_allowed(self, thread: str) -> bool:
         return thread in self._silence_allowed and self._silence_allowed[thread]()
+
+
+class Failures:
+    """What was raised in a thread that is begun again each time: counted, and a trouble for some seconds."""
+
+    def __init__(self, thread: str, now_ns: Callable[[], int]) -> None:
+        self._thread = thread
+        self._now_ns = now_ns
+        self._count = 0
+        self._last = ("", 0)
+
+    def note(self, what: str) -> None:
+        """One more, in a sentence."""
+        self._count += 1
+        self._last = (what, self._now_ns())
+
+    @property
+    def trouble(self) -> str:
+        """What was raised last, "" when that is some seconds ago."""
+        what, at_ns = self._last
+        if not what or self._now_ns() - at_ns > TOLD_NS:
+            return ""
+        return f"the thread {self._thread} failed and was begun again ({self._count} so far): {what}"
 
 
 def _hangs(thread: str, silent_ns: int) -> str:

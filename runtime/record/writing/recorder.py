@@ -1,11 +1,11 @@
 """The recorder: takes what the loop and the wires give, and writes it to run.mcap on a thread of its own."""
 
-import threading
 import time
 from collections.abc import Sequence
 from typing import Protocol
 
 from drivers.measurements import Event
+from drivers.stoppable_thread import StoppableThread, told
 from runtime.messages.records import warm_up
 from runtime.messages.tick import Gap, LaserBytes, Record, encode_gap
 from runtime.record.folder import RunFolder
@@ -13,7 +13,7 @@ from runtime.record.header import RunHeader
 from runtime.record.writing.intake import CanFrameItem, EventsItem, Intake, Item, Lost, records_of
 from runtime.record.writing.obey import CommandObeyer
 from runtime.record.writing.storage import WAKE_S, Storage
-from runtime.service.thread_watch import ThreadWatch
+from runtime.service.thread_watch import Failures, ThreadWatch
 from runtime.settings.record import RecordSettings
 from runtime.tick import CompletedTick, SinkHealth
 
@@ -57,13 +57,13 @@ class Recorder:
         self._commands = CommandObeyer(folder, self._storage)
         self._intake = Intake()
         self._reported = Lost()  # in gaps of the record
-        self._encode_trouble = self._defect = ""
-        self._defects = 0
+        self._encode_trouble = ""
         self._at_disk_ns: int | None = None  # since when the thread waits for it
-        self._stop = threading.Event()
         self._heartbeat = threads.heartbeat("recorder")
         threads.allow_silence("recorder", lambda: self.may_be_silent)
-        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._failures = Failures("recorder", threads.now_ns)
+        self._has_ended = False
+        self._thread = StoppableThread("recorder", self._run, failed=self._failures.note)
         self._thread.start()
 
     def put(self, completed: CompletedTick) -> None:
@@ -95,18 +95,19 @@ class Recorder:
 
     def close(self) -> None:
         """Write what is queued and the index; at most 2 s, after which the file has no index but can be read."""
-        self._stop.set()
-        self._thread.join(CLOSE_S)
+        self._thread.stop(CLOSE_S)
+        if not self._thread.is_alive() and not self._has_ended:  # it failed just then
+            self._end()
 
     @property
     def _trouble(self) -> str:
         stopped = self._commands.stopped
-        if not self._thread.is_alive() and not self._stop.is_set() and not stopped:
+        if not self._thread.is_alive() and not self._thread.was_stopped and not stopped:
             return "the recorder's thread has ended; nothing is written any more"
         at_disk_ns = self._at_disk_ns
         waited_s = 0.0 if at_disk_ns is None else (self._now_ns() - at_disk_ns) * 1e-9
         waits = f"the disk has not answered for {waited_s:.0f} s" if waited_s > SLOW_DISK_S else ""
-        troubles = (self._defect, self._encode_trouble, *self._storage.troubles, self._commands.trouble)
+        troubles = (self._failures.trouble, self._encode_trouble, *self._storage.troubles, self._commands.trouble)
         return "; ".join(filter(None, (STOPPED if stopped else "", waits, *troubles)))
 
     def _put(self, item: Item) -> None:
@@ -114,20 +115,16 @@ class Recorder:
             self._intake.put(item)
 
     def _run(self) -> None:
-        while not self._commands.stopped and not self._stop.wait(WAKE_S):
+        while not self._commands.stopped and not self._thread.wait(WAKE_S):
             self._heartbeat()
-            self._drain_whatever_comes()
-        self._drain_whatever_comes()
-        self._storage.close()
-
-    def _drain_whatever_comes(self) -> None:
-        """An error of ours costs one round, is told, and does not end the record."""
-        try:
             self._drain()
-            self._defect = ""
-        except Exception as error:  # noqa: BLE001 the black box goes on
-            self._defects += 1
-            self._defect = f"the recorder's thread failed {self._defects} time(s), last with {error!r}"
+        self._end()
+
+    def _end(self) -> None:
+        """Write what waits and finish the file."""
+        self._drain()
+        self._storage.close()
+        self._has_ended = True
 
     def _drain(self) -> None:
         """Encode what waits, and let the disk have it."""
@@ -148,6 +145,7 @@ class Recorder:
             records = records_of(item)
         except Exception as error:  # noqa: BLE001 a value that cannot be written costs that value and not the thread
             self._encode_trouble = f"a value could not be encoded ({error!r})"
+            self._failures.note(told(error))
             self._intake.lost.count(item)
             return
         for observer in self._observers:
