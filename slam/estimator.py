@@ -151,9 +151,10 @@ class Estimator:
 
         # the joint Gaussian, whose pose is published, and whether it can be believed
         confidence = Confidence(self._quality.settled_before, self._quality.map_is_kept)
-        matched = self._joint.observe(rows, outcome.matches, sight, confidence, arrived)
-        if self._alignment.laid is not None and not self._quality.is_doubted:
-            self._keyframes.keep(self._alignment.laid)
+        laid = self._alignment.laid
+        matched = self._joint.observe(rows, outcome.matches, sight, confidence, arrived, laid is not None)
+        if laid is not None and not self._quality.is_doubted:
+            self._keyframes.keep(laid)
         self._quality.add(scan.stamp_ns, self._joint.evidence, seen_share)
         self._mark("joint")
 

@@ -16,6 +16,7 @@ from slam.front_end.alignment_kernels import EarlierScans, surface_normals
 from slam.front_end.alignment_search import Search
 from slam.front_end.deskew import Beams, Twist, deskew
 from slam.front_end.differencing import LEAST_SUPPORT, OLDEST_S
+from slam.front_end.wide_search import View, WideSearch
 from slam.odometry.odometry import Increment
 from slam.odometry.trust import WheelTrust
 from slam.pose import Pose2, wrap_rad
@@ -38,6 +39,8 @@ SUSPECT_SQUARE = 11.3  # that wheels which were only suspected are off by, 99 % 
 SLIP_M, SLIP_RAD = 0.15, 0.1  # sigma of the motion by wheels that are suspected
 SLIP_SHARE = 0.7  # so many points are on surfaces then
 SLIP_GAIN = 0.1  # and so many more than by the wheels' motion
+POOR_SHARE = 0.25  # so many points fewer than usual on surfaces say that the best motion near the wheels' is wrong too
+WIDE_PAUSE_NS = 1_000_000_000  # between two searches far from where the wheels say: each costs some milliseconds
 
 
 @dataclass(slots=True, eq=False)
@@ -55,7 +58,8 @@ class Alignment:
     """Remembers the last scans; refines an increment where the wheels alone could not tell which feature is which, and
     where too few of the scans are young enough to vote on the new one.
 
-    refined: how many increments it has refined. laid: the beams of the latest scan, None where it was not laid onto
+    refined: how many increments it has refined; found_widely: of them where the wheels were far off, last looked for at
+    searched_ns. laid: the beams of the latest scan, None where it was not laid onto
     others.
     """
 
@@ -65,8 +69,9 @@ class Alignment:
         self._past: deque[SeenFrom] = deque(maxlen=max(1 + PAST_SCANS * (PAST_SCANS - 1) // 2, LEAST_SUPPORT))
         self._path_from_body = Pose2()
         self._trust = WheelTrust()
-        self._usual_share = FIRST_USUAL_SHARE
-        self.refined = 0
+        self._usual_share = self._usual_fit = FIRST_USUAL_SHARE
+        self.searched_ns: int | None = None
+        self.refined = self.found_widely = 0
         self.laid: Beams | None = None
 
     def refine(self, scan: ScanLike, increment: Increment) -> Increment:
@@ -79,8 +84,8 @@ class Alignment:
             return increment
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
         now = SeenFrom(scan, twist, Pose2())
-        if not increment.at_rest and self._past:
-            if self._sparse(scan.stamp_ns) or self._is_needed(increment):
+        if self._past:
+            if not increment.at_rest and (self._sparse(scan.stamp_ns) or self._is_needed(increment)):
                 increment = self._aligned(now, increment)
             elif self._is_among_walls() and self._looks_unusual(now, increment):
                 increment = self._aligned(now, increment, only_if_slipped=True)
@@ -152,6 +157,15 @@ class Alignment:
             return increment
         slip = np.diag((SLIP_M, SLIP_M, SLIP_RAD)) ** 2 if only_if_slipped else np.zeros((3, 3))
         motion, information, count = search.best(prior, covariance + slip)
+        share = count / len(search.points_m)
+        if self._usual_fit - share > POOR_SHARE:
+            found = self._found_widely(now, search, prior)
+            if found is not None:
+                self.refined += 1
+                self.found_widely += 1
+                return self._moved_by(increment, *found)
+        if not only_if_slipped:
+            self._usual_fit += USUAL_GAIN * (share - self._usual_fit)
         off = motion - prior
         if count < max(LEAST_POINTS, LEAST_SHARE * len(search.points_m)):
             return increment
@@ -167,8 +181,24 @@ class Alignment:
         self.refined += 1
         if not only_if_slipped:
             self.laid = self._beams(now)
-        motion[2] = wrap_rad(float(motion[2]))
-        return replace(increment, mean=motion, covariance=0.5 * (refined + refined.T))
+        return self._moved_by(increment, motion, information)
+
+    def _found_widely(self, now: SeenFrom, search: Search, prior: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """The motion (3,) and its information where the scan lies nowhere near the place that the wheels say, but
+        clearly at another; looked for at most once in WIDE_PAUSE_NS.
+        """
+        if self.searched_ns is not None and now.scan.stamp_ns - self.searched_ns < WIDE_PAUSE_NS:
+            return None
+        self.searched_ns = now.scan.stamp_ns
+        views = [View.of(self._beams(seen)) for seen in (now, self._past[-1])]
+        return WideSearch(search, views[0], views[1], self._body_from_laser).best(prior)
+
+    def _moved_by(self, increment: Increment, motion: FloatArray, information: FloatArray) -> Increment:
+        """The increment with another motion (3,), known with that information (3, 3)."""
+        covariance = np.linalg.inv(information)
+        mean = motion.copy()
+        mean[2] = wrap_rad(float(mean[2]))
+        return replace(increment, mean=mean, covariance=0.5 * (covariance + covariance.T), at_rest=False)
 
     def _have_slipped(self, search: Search, by_wheels: FloatArray, count: int) -> bool:
         """Whether a motion that contradicts the wheels is clearly the better one: wheels slip, and tyres lose grip."""

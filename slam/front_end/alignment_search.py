@@ -48,6 +48,16 @@ class Search:
         posterior, count, _ = self._descend(wheels, motion, 1, np.full(FINAL_STEPS, GATE_LAST_M))
         return motion, posterior, count
 
+    def refined(
+        self, prior: FloatArray, covariance: FloatArray, start: FloatArray, gates_m: FloatArray
+    ) -> tuple[FloatArray, FloatArray, int]:
+        """The same from one start (3,), few points through gates_m (g,) and then all."""
+        wheels = Prior(prior, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
+        motion = start.copy()
+        self._descend(wheels, motion, max(1, -(-len(self.points_m) // COARSE_POINTS)), gates_m)
+        posterior, count, _ = self._descend(wheels, motion, 1, np.full(FINAL_STEPS, GATE_LAST_M))
+        return motion, posterior, count
+
     def on_surfaces(self, motion: FloatArray) -> int:
         """How many points lie within the last gate of a surface under a motion (3,)."""
         count, _ = normal_equations(self.points_m, 1, self.past, motion, GATE_LAST_M, np.zeros((3, 3)), np.zeros(3))

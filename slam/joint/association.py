@@ -16,6 +16,8 @@ from slam.joint.measurement import FIRST_PLACE, JointArrays, fold, innovation_co
 from slam.observations import AMBIGUOUS, EXCLUDED, NEW, PENDING, UNLICENSED, FeatureRows, Sighting
 from slam.visibility import sighting_of
 
+APART_M = 0.5  # sigma of where a landmark should be seen; door frames stand a metre apart
+
 
 class Gates(NamedTuple):
     """Squared Mahalanobis distances; nearest landmark d: match up to clip(base + per_metre d, base, widest).
@@ -59,15 +61,16 @@ def associate(
     nearest_m: FloatArray,
     features: FeatureRows,
     gates: Gates,
+    barred: BoolArray,
     chosen: IntArray,
 ) -> None:
     """Fill chosen (K,) with landmark numbers or verdicts.
 
     mean (6 + 2 L,) and covariance are overwritten by the sequential update; nearest_m (L,) is each landmark's distance
-    to its nearest neighbour.
+    to its nearest neighbour. barred (L,): landmarks that may be found nowhere, though none is created where they are.
     """
     landmarks = nearest_m.size
-    used = np.zeros(landmarks, dtype=np.bool_)
+    used = barred.copy()
     work = np.empty((2, mean.size))
     chosen[:] = PENDING
     for position in range(features.order.size):
@@ -102,6 +105,20 @@ def associate(
             fold(mean, covariance, at, slope, sighting_of(features, taker), work)
             chosen[taker] = best
             used[best] = True
+
+
+@kernel
+def seen_from_afar(joint: JointArrays, places: IntArray) -> BoolArray:
+    """(k,) landmarks at places (k,) from which the pose is known to less than corners lie apart: one of them is within
+    the gate wherever the rover stands.
+    """
+    wide = np.zeros(places.size, dtype=np.bool_)
+    for index in range(places.size):
+        at = places[index]
+        slope = slopes(joint.mean, joint.mount, joint.mean[at], joint.mean[at + 1])
+        rr, _, bb = innovation_covariance(joint.covariance, at, slope)
+        wide[index] = rr + slope.range_m * slope.range_m * bb > APART_M * APART_M
+    return wide
 
 
 @kernel

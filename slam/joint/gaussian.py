@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.estimate import LandmarkMap
-from slam.joint.association import Gates, associate_by_hint
+from slam.joint.association import Gates, associate_by_hint, seen_from_afar
 from slam.joint.atlas import AWAY
 from slam.joint.evidence import (
     CONFIDENT,
@@ -174,12 +174,14 @@ class JointGaussian:
         sight: SightLine = NO_SIGHT,
         confidence: Confidence = CONFIDENT,
         at_rest: bool = False,
+        laid: bool = False,
     ) -> IntArray:
         """What the scan at the predicted pose shows; at rest everything may create a landmark.
 
         hints (K,): identities or verdicts of the best particle, for a variant. sight: how far the scan looked, for what
         should have been seen. confidence: what the scans before said about the pose; while it is lost, nothing is
-        written into the map. Returns this filter's own identities or verdicts (K,).
+        written into the map. laid: the scan was laid onto others, so loops need not be closed by single landmarks.
+        Returns this filter's own identities or verdicts (K,).
         """
         state = self.state
         free = at_rest or self._variant.creation == "any"
@@ -188,7 +190,7 @@ class JointGaussian:
         places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
         if len(self._keyframes):
             places = places[state.atlas.identities[state.rows_at(places)] != KEYFRAME]
-        chosen = self._associate(features, hints, places)
+        chosen = self._associate(features, hints, places, laid)
         settled = self._settled(places, confidence.settled_before)
         near, atlas = state.rows_at(places), state.atlas
         rates = DetectionRates(atlas.looks[near], atlas.finds[near], atlas.missed[near], self.after_miss.copy())
@@ -229,7 +231,7 @@ class JointGaussian:
         """The state as compiled code takes it."""
         return JointArrays(self.state.mean, self.state.covariance, self.state.size, self._mount)
 
-    def _associate(self, features: FeatureRows, hints: IntArray, places: IntArray) -> IntArray:
+    def _associate(self, features: FeatureRows, hints: IntArray, places: IntArray, laid: bool) -> IntArray:
         """(K,) numbers of landmarks among places (k,), or verdicts."""
         tuning, state = self._tuning, self.state
         reported = bool((features.identities >= 0).any())
@@ -237,7 +239,9 @@ class JointGaussian:
             per_metre = tuning.match_per_metre_square if tuning.density else 0.0
             gates = Gates(tuning.match_square, per_metre, MATCH_WIDEST_SQUARE, CREATE_SQUARE, SLIP_SQUARE)
             old = self._settled(places, self.scans - SETTLED_SCANS)
-            return associate_with_slip(self._arrays, places, self._landmark_places(), old, features, gates)
+            barred = seen_from_afar(self._arrays, places) if laid else np.zeros(len(places), dtype=np.bool_)
+            others = self._landmark_places()
+            return associate_with_slip(self._arrays, places, others, old, barred, features, gates)
         mean, covariance = block(state.mean, state.covariance, places)
         gate = tuning.match_known_square if reported else MATCH_WIDEST_SQUARE
         hints = features.identities if reported else hints

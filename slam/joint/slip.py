@@ -19,11 +19,18 @@ BELIEVED = 4  # at least one in so many of the features that look like an old la
 
 
 def associate_with_slip(
-    joint: JointArrays, places: IntArray, others: IntArray, old: BoolArray, features: FeatureRows, gates: Gates
+    joint: JointArrays,
+    places: IntArray,
+    others: IntArray,
+    old: BoolArray,
+    barred: BoolArray,
+    features: FeatureRows,
+    gates: Gates,
 ) -> IntArray:
     """Numbers of the landmarks among places (k,), or verdicts, of the features as seen from the predicted pose.
 
-    others (l,): places of all landmarks of the state. old (k,): landmarks that have stood for long; features that may
+    others (l,): places of all landmarks of the state. barred (k,): landmarks that may not be found, though none is
+    created where they are. old (k,): landmarks that have stood for long; features that may
     be theirs are looked at first, nearest first, so that no walker moves the pose before they do. Where most of what
     lies within gates.slip of an old landmark finds none, each of the likeliest pairs is taken for true in turn, and the
     one with which most old landmarks are found is kept. Where that is still few, they match by chance, as with a
@@ -34,7 +41,7 @@ def associate_with_slip(
     best, squares = nearest_old(joint, places, old, features, gates.slip)
     features = features._replace(order=np.lexsort((features.ranges_m, squares > gates.match_widest)))
     chosen = np.empty_like(best)
-    associate(*block(mean, covariance, places), mount, apart, features, gates, chosen)
+    associate(*block(mean, covariance, places), mount, apart, features, gates, barred, chosen)
     likely, agreeing = int((best >= 0).sum()), _old_ones(chosen, old)
     if 2 * agreeing >= likely or likely < LEAST_AGREEING:
         return chosen
@@ -43,7 +50,7 @@ def associate_with_slip(
         part_mean, part_covariance = block(mean, covariance, places)
         apply_hypothesis(part_mean, part_covariance, mount, int(best[seed]), sighting_of(features, seed))
         trial = np.empty_like(chosen)
-        associate(part_mean, part_covariance, mount, apart, features, gates, trial)
+        associate(part_mean, part_covariance, mount, apart, features, gates, barred, trial)
         if _old_ones(trial, old) >= least:
             chosen, least = trial, _old_ones(trial, old) + 1
     if BELIEVED * _old_ones(chosen, old) < likely:

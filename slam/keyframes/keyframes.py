@@ -13,7 +13,9 @@ from drivers.measurements import FloatArray
 from slam.front_end.alignment_kernels import EarlierScans, surface_normals
 from slam.front_end.alignment_search import Search
 from slam.front_end.deskew import Beams
+from slam.front_end.wide_search import WIDE, View
 from slam.joint.gaussian import JointGaussian
+from slam.keyframes.far_loops import FarLoops
 from slam.pose import Pose2
 
 STEP_M, STEP_RAD = 0.2, 0.15  # the rover moves or turns so far before another scan is laid onto keyframes
@@ -28,6 +30,8 @@ MOUNT_M, MOUNT_RAD = 0.03, 0.01  # what the mount and the sweep may be off by: t
 MOST_POINTS = 200  # of a scan are laid onto a keyframe
 MOST_BEAMS = 541  # of a keyframe are kept
 LEAST_POINTS, LEAST_SHARE = 30, 0.5  # on surfaces of the keyframe
+FARTHEST_M, FARTHEST_RAD = 8.0, 0.5  # sigma beyond which it is not looked for at all
+WIDE_INFORMATION: FloatArray = np.asarray(np.linalg.inv(WIDE), dtype=np.float64)
 LARGEST_SQUARE = 50.0  # of a fit that contradicts the filter; farther off it is another place that looks alike
 INFORMATION_SHARE = 0.3  # of a fit's own claim: neighbouring scans share the errors of the keyframe
 
@@ -48,6 +52,22 @@ class Keyframe:
         """Angle between its outermost beams."""
         return (len(self.points_m) - 1) * self.spacing_rad
 
+    @property
+    def view(self) -> View:
+        """What it saw."""
+        return View(self.points_m.astype(np.float64), self.first_rad, self.spacing_rad)
+
+    def surfaces(self, laser_from_body: Pose2) -> EarlierScans:
+        """What another scan is laid onto, its motion beginning where the body stood."""
+        start = laser_from_body
+        return EarlierScans(
+            self.points_m.astype(np.float64)[None],
+            self.normals.astype(np.float64)[None],
+            np.array([(start.x_m, start.y_m, math.cos(start.heading_rad), math.sin(start.heading_rad))]),
+            self.first_rad,
+            self.spacing_rad,
+        )
+
 
 class Keyframes:
     """Chooses keyframes near the pose, lays the scan onto them and tells the joint Gaussian what came out.
@@ -62,6 +82,8 @@ class Keyframes:
         self._keyframes: list[Keyframe] = []
         self._moved_from: FloatArray | None = None
         self._wanted = False
+        self._far = FarLoops(body_from_laser)
+        self._turn = 0
         self.fitted = 0
         self.closed = 0
 
@@ -83,12 +105,13 @@ class Keyframes:
         points = self._body_from_laser.transform(beams.points_m[returned[:: -(-len(returned) // MOST_POINTS)]])
         self._wanted = True
         told = False
-        for number in self._candidates():
+        between = self._joint.from_keyframes()
+        for number in self._candidates(between):
             near = self._fit(number, points)
             if near is not None:
                 told = True
                 self._wanted = self._wanted and not near
-        return told
+        return self._close_far(beams, points, between) or told
 
     def keep(self, beams: Beams) -> None:
         """Make the scan a keyframe where no fitting one is near enough; the joint Gaussian stands at its pose."""
@@ -114,9 +137,8 @@ class Keyframes:
         self._joint.forget_keyframes(number)
         self._moved_from, self._wanted = None, False
 
-    def _candidates(self) -> list[int]:
-        """Numbers of the nearest keyframe and of a few old ones nearby."""
-        between = self._joint.from_keyframes()
+    def _candidates(self, between: FloatArray) -> list[int]:
+        """Numbers of the nearest keyframe and of a few old ones nearby; between (K, 3): the body as seen from each."""
         distances, turns = np.hypot(between[:, 0], between[:, 1]), np.abs(between[:, 2])
         views = np.array([keyframe.field_of_view_rad for keyframe in self._keyframes])
         apart = np.where(
@@ -128,32 +150,57 @@ class Keyframes:
         return list(dict.fromkeys((*order[:1].tolist(), *old.tolist())))
 
     def _fit(self, number: int, points_m: FloatArray) -> bool | None:
-        """Lay points (p, 2), body frame, onto a keyframe; None where they do not fit, else whether it is near."""
+        """Lay points (p, 2), body frame, onto a keyframe; None where they do not fit, or where the search could end in
+        the wrong place, else whether it is near.
+        """
         predicted, covariance = self._joint.from_keyframe(number)
         spread = np.diag(covariance)
         if math.sqrt(spread[0] + spread[1]) > WIDEST_M or math.sqrt(spread[2]) > WIDEST_RAD:
             return None
-        keyframe, start = self._keyframes[number], self._laser_from_body
-        surfaces = EarlierScans(
-            keyframe.points_m.astype(np.float64)[None],
-            keyframe.normals.astype(np.float64)[None],
-            np.array([(start.x_m, start.y_m, math.cos(start.heading_rad), math.sin(start.heading_rad))]),
-            keyframe.first_rad,
-            keyframe.spacing_rad,
-        )
         wheels = covariance + np.diag((MOUNT_M**2, MOUNT_M**2, MOUNT_RAD**2))
-        motion, information, count = Search(points_m, surfaces).best(predicted, wheels)
+        search = Search(points_m, self._keyframes[number].surfaces(self._laser_from_body))
+        motion, information, count = search.best(predicted, wheels)
         if count < max(LEAST_POINTS, LEAST_SHARE * len(points_m)):
             return None
+        if not self._tell(number, motion, information, np.asarray(np.linalg.inv(wheels), dtype=np.float64)):
+            return None
+        return bool(math.hypot(predicted[0], predicted[1]) < NEW_M and abs(predicted[2]) < NEW_RAD)
+
+    def _close_far(self, beams: Beams, points_m: FloatArray, between: FloatArray) -> bool:
+        """Try one old keyframe from which the pose is known to metres only, the next one the next time; whether the
+        joint Gaussian was told of it.
+        """
+        pose, sigma_m = self._joint.map_from_body, math.sqrt(self._joint.covariance[:2, :2].trace())
+        if sigma_m < WIDEST_M or not self._far.is_due(pose):
+            return False
+        distances = np.hypot(between[: -OLD - 1, 0], between[: -OLD - 1, 1])
+        near = np.flatnonzero(distances < OLD_REACH_M + sigma_m)
+        self._turn += 1
+        if len(near) == 0:
+            return False
+        number = int(near[np.argsort(distances[near], kind="stable")[self._turn % len(near)]])
+        predicted, covariance = self._joint.from_keyframe(number)
+        spread = np.diag(covariance)
+        if not WIDEST_M < math.sqrt(spread[0] + spread[1]) < FARTHEST_M or math.sqrt(spread[2]) > FARTHEST_RAD:
+            return False
+        keyframe = self._keyframes[number]
+        search = Search(points_m, keyframe.surfaces(self._laser_from_body))
+        found = self._far.find(number, search, (View.of(beams), keyframe.view), predicted, pose)
+        return found is not None and self._tell(number, *found, WIDE_INFORMATION)
+
+    def _tell(self, number: int, motion: FloatArray, information: FloatArray, held: FloatArray) -> bool:
+        """Condition the joint Gaussian on a fit (3,) with its information (3, 3), of which held (3, 3) came from the
+        search's own prior; False where it contradicts what is known.
+        """
+        predicted, covariance = self._joint.from_keyframe(number)
         off = motion - predicted
         off[2] = math.remainder(off[2], 2.0 * math.pi)
-        held, prior = np.linalg.inv(wheels), np.linalg.inv(covariance)
         told = INFORMATION_SHARE * (information - held)
         innovation = covariance + np.linalg.inv(told + 1e-9 * np.eye(3))
         if not off @ np.linalg.solve(innovation, off) < LARGEST_SQUARE:
-            return None
-        posterior = np.linalg.inv(told + prior)
+            return False
+        posterior = np.linalg.inv(told + np.linalg.inv(covariance))
         self._joint.condition(number, posterior @ (told @ off + INFORMATION_SHARE * (held @ off)), posterior)
         self.fitted += 1
         self.closed += number < len(self._keyframes) - OLD - 1
-        return bool(math.hypot(predicted[0], predicted[1]) < NEW_M and abs(predicted[2]) < NEW_RAD)
+        return True

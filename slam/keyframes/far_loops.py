@@ -1,0 +1,51 @@
+"""Closes loops where the pose is known to metres only: believed when two keyframes, found a way apart, say the same."""
+
+import math
+
+import numpy as np
+
+from drivers.measurements import FloatArray
+from slam.front_end.alignment_search import Search
+from slam.front_end.wide_search import View, WideSearch
+from slam.pose import Pose2
+
+STEP_M = 0.5  # between two searches, each of which takes milliseconds
+CLEAR_M = 0.3  # sigma of a fit; one that leaves more open, as in a corridor, does not say where the rover is
+SAME_M, SAME_RAD = 0.3, 0.1  # two fits that correct the pose so nearly alike say the same
+
+
+class FarLoops:
+    """Lays scans onto keyframes metres away; remembers the one of the last fit, and how it would have the pose move."""
+
+    def __init__(self, body_from_laser: Pose2) -> None:
+        self._body_from_laser = body_from_laser
+        self._tried_at: Pose2 | None = None
+        self._before: tuple[int, Pose2] | None = None
+
+    def is_due(self, pose: Pose2) -> bool:
+        """Whether the rover has moved on since the last search."""
+        if self._tried_at is None:
+            return True
+        return math.hypot(pose.x_m - self._tried_at.x_m, pose.y_m - self._tried_at.y_m) >= STEP_M
+
+    def find(
+        self, number: int, search: Search, views: tuple[View, View], predicted: FloatArray, pose: Pose2
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """The motion (3,) from a keyframe to the body and its information (3, 3); None until two keyframes have said
+        the same, because rooms look alike.
+
+        number: of the keyframe. search: the scan's points onto its surfaces. views: scan and keyframe. predicted (3,):
+        where the body at pose should be, as seen from the keyframe.
+        """
+        self._tried_at = pose
+        found = WideSearch(search, *views, self._body_from_laser).nearby(predicted)
+        if found is None or math.sqrt(np.linalg.inv(found[1])[:2, :2].trace()) > CLEAR_M:
+            return None
+        keyframe = pose @ Pose2(*predicted.tolist()).inverse()
+        correction = keyframe @ Pose2(*found[0].tolist()) @ pose.inverse()
+        before, self._before = self._before, (number, correction)
+        if before is None or before[0] == number:
+            return None
+        apart = (before[1] @ pose).inverse() @ correction @ pose
+        agree = math.hypot(apart.x_m, apart.y_m) < SAME_M and abs(apart.heading_rad) < SAME_RAD
+        return found if agree else None
