@@ -19,6 +19,7 @@ from slam.maps.joint_map import JointMap, take_map
 from slam.maps.start import MapStart, begin_in_map, variant_for
 from slam.observations import MOST_FEATURES, NO_FEATURES, seen_before_share, usable_rows, verdicts_of_all
 from slam.odometry.odometry import Increment, Odometry, compound
+from slam.odometry.rest import Rest
 from slam.particles.fastslam import FastSlam, ScanOutcome
 from slam.quality import QualityMonitor
 from slam.recognise.local_points import around
@@ -27,9 +28,8 @@ from slam.relocalise.local_map import ScanSeen
 from slam.relocalise.relocaliser import Relocaliser
 from slam.settings.slam import SlamSettings
 from slam.visibility import BLIND, sight_line
-from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, warm_up_window
+from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, warm_up_wide_search, warm_up_window
 
-FREE_REST_NS = 1_000_000_000
 MAP_EVERY = 10  # scans: once a second, as often as the map is published
 
 
@@ -79,7 +79,7 @@ class Estimator:
         self._keyframes = self._relocaliser.here.keyframes
         self._quality = QualityMonitor(settings.quality, self._joint.scans)
         self._scan_ns: int | None = None
-        self._rest_ns: int | None = None
+        self._rest = Rest()
         self._tick_ns: int | None = None
         self._refused_scans = self._scans_ahead = 0
         self._not_finite = 0
@@ -120,6 +120,7 @@ class Estimator:
                 estimator.step(stamp_ns, scan, wheels)
             estimator._redraw_particles()
             estimator.step(stamp_ns + TICK_NS, None, ())
+        warm_up_wide_search()
         warm_up_window(JointGaussian(short.joint, short.mount.as_pose(), short.tuning()))
         warm_up_recognition()
 
@@ -128,14 +129,15 @@ class Estimator:
         increment = self._alignment.refine(scan, by_wheels)
         before = self._joint.map_from_body
         self._joint.predict(increment.mean, increment.covariance)
-        if self._alignment.laid is not None and self._keyframes.constrain(self._alignment.laid):
+        laid = self._alignment.laid
+        if laid is not None and self._keyframes.constrain(laid):
             increment = replace(increment, mean=(before.inverse() @ self._joint.map_from_body).as_array())
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
         predicted = self._relocaliser.continuous(before @ increment.as_pose())
         self._mark("odometry")
 
         # difference and features (III-A)
-        arrived = self._has_just_stopped(scan.stamp_ns, increment.at_rest)
+        arrived = self._rest.has_just_begun(scan.stamp_ns, increment.at_rest)
         increment = replace(increment, at_rest=arrived)
         features, verdicts = self._front_end.observe(scan, predicted, twist, arrived)
         self._mark("front end")
@@ -151,7 +153,6 @@ class Estimator:
 
         # the joint Gaussian, whose pose is published, and whether it can be believed
         confidence = Confidence(self._quality.settled_before, self._quality.map_is_kept)
-        laid = self._alignment.laid
         matched = self._joint.observe(rows, outcome.matches, sight, confidence, arrived, laid is not None)
         if laid is not None and not self._quality.is_doubted:
             self._keyframes.keep(laid)
@@ -189,17 +190,6 @@ class Estimator:
 
     def _redraw_particles(self) -> None:
         self._particles.redraw(*around(self._joint.state, self._settings.view.range_max_m))
-
-    def _has_just_stopped(self, stamp_ns: int, at_rest: bool) -> bool:
-        """True in the first second at rest, when everything may create a landmark; afterwards earlier scans vote, or
-        whoever walks past a rover that stands would become part of its map.
-        """
-        if not at_rest:
-            self._rest_ns = None
-            return False
-        if self._rest_ns is None:
-            self._rest_ns = stamp_ns
-        return stamp_ns - self._rest_ns < FREE_REST_NS
 
     def _keep_motion(self, increment: Increment, particle_scans: int, joint_moves: int) -> None:
         """A step has failed: its scan is lost, but not the motion that the wheels measured.
@@ -277,7 +267,7 @@ class Estimator:
             "likelihoods": float(outcome.likelihoods),
             "effective_particles": outcome.effective,
             "resampled": float(outcome.resampled),
-            "at_rest": float(self._rest_ns is not None),
+            "at_rest": float(self._rest.lasts),
             "odometry_known": float(increment.known),
             "scans_aligned": float(self._alignment.refined),
             "keyframes": float(len(self._keyframes)),

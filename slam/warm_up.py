@@ -15,10 +15,14 @@ from drivers.measurements import (
     WheelSample,
     uniform_bearings,
 )
-from slam.joint.association import apply_hypothesis
+from slam.front_end.alignment_kernels import EarlierScans, surface_normals
+from slam.front_end.alignment_search import Search
+from slam.front_end.wide_search import View, WideSearch
+from slam.joint.association import apply_hypothesis, seen_from_afar
 from slam.joint.gaussian import JointGaussian
-from slam.joint.measurement import FIRST_PLACE
+from slam.joint.measurement import FIRST_PLACE, JointArrays
 from slam.observations import FeatureRows, Features, Sighting, usable_rows
+from slam.pose import Pose2
 from slam.settings.slam import SlamSettings
 
 RINGS_M = np.array((4.0, 6.0, 9.0, 12.0))
@@ -121,3 +125,17 @@ def _wheel_sample(settings: SlamSettings, stamp_ns: int, moved_m: float) -> Whee
     if settings.odometry.model == "pose":
         return OdometryPose(stamp_ns, moved_m, 0.0, 0.0)
     return WheelCounts(stamp_ns, 5000.0 * moved_m, 5200.0 * moved_m)
+
+
+def warm_up_wide_search() -> None:
+    """A scan that is looked for on itself."""
+    bearings = uniform_bearings(-1.5, 0.03, 100)
+    points = np.column_stack((5.0 * np.cos(bearings), 4.0 * np.sin(bearings)))
+    normals, start = np.empty_like(points), np.array(((0.0, 0.0, 1.0, 0.0),))
+    surface_normals(points, 0.03, normals)
+    search = Search(points, EarlierScans(points[None], normals[None], start, -1.5, 0.03))
+    view = View(points, -1.5, 0.03)
+    WideSearch(search, view, view, Pose2()).best(np.array((0.5, 0.0, 0.0)))
+    seen_from_afar(
+        JointArrays(np.zeros(FIRST_PLACE), np.eye(FIRST_PLACE), FIRST_PLACE, np.zeros(3)), np.zeros(0, np.int64)
+    )

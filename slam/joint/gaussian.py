@@ -76,8 +76,7 @@ class JointGaussian:
         self._jump = np.zeros(2)
         self.after_miss = np.array((FIRST_LOOKS_AFTER_MISS, FIRST_FINDS_AFTER_MISS))
         self._keyframes = np.zeros((0, 2), dtype=np.int64)
-        self.scans = self.moves = 0
-        self.refused = 0
+        self.scans = self.moves = self.refused = 0
         self.evidence = Evidence()
 
     @property
@@ -178,14 +177,12 @@ class JointGaussian:
     ) -> IntArray:
         """What the scan at the predicted pose shows; at rest everything may create a landmark.
 
-        hints (K,): identities or verdicts of the best particle, for a variant. sight: how far the scan looked, for what
-        should have been seen. confidence: what the scans before said about the pose; while it is lost, nothing is
-        written into the map. laid: the scan was laid onto others, so loops need not be closed by single landmarks.
-        Returns this filter's own identities or verdicts (K,).
+        hints (K,): identities or verdicts of the best particle, for a variant. sight: how far the scan looked.
+        confidence: what earlier scans said of the pose; while it is lost, nothing is written into the map. laid: onto
+        others, so no single landmark need close a loop. Returns this filter's own identities or verdicts (K,).
         """
         state = self.state
-        free = at_rest or self._variant.creation == "any"
-        features = features._replace(may_create=features.may_create | free)
+        features = features._replace(may_create=features.may_create | (at_rest or self._variant.creation == "any"))
         sensor = sensor_pose(state.mean, self._mount)
         places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
         if len(self._keyframes):
@@ -239,9 +236,8 @@ class JointGaussian:
             per_metre = tuning.match_per_metre_square if tuning.density else 0.0
             gates = Gates(tuning.match_square, per_metre, MATCH_WIDEST_SQUARE, CREATE_SQUARE, SLIP_SQUARE)
             old = self._settled(places, self.scans - SETTLED_SCANS)
-            barred = seen_from_afar(self._arrays, places) if laid else np.zeros(len(places), dtype=np.bool_)
-            others = self._landmark_places()
-            return associate_with_slip(self._arrays, places, others, old, barred, features, gates)
+            barred = seen_from_afar(self._arrays, places) & laid
+            return associate_with_slip(self._arrays, places, self._landmark_places(), old, barred, features, gates)
         mean, covariance = block(state.mean, state.covariance, places)
         gate = tuning.match_known_square if reported else MATCH_WIDEST_SQUARE
         hints = features.identities if reported else hints

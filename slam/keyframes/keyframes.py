@@ -136,6 +136,7 @@ class Keyframes:
         del self._keyframes[number:]
         self._joint.forget_keyframes(number)
         self._moved_from, self._wanted = None, False
+        self._far = FarLoops(self._body_from_laser)
 
     def _candidates(self, between: FloatArray) -> list[int]:
         """Numbers of the nearest keyframe and of a few old ones nearby; between (K, 3): the body as seen from each."""
