@@ -92,6 +92,12 @@ class Atlas:
         self.means[row], self.covariances[row] = mean_m, covariance_m2
         self.put_away(row)
 
+    def holding(self, identity: int, rows: IntArray) -> IntArray:
+        """Those of some rows, of this atlas or of a younger one, that hold this identity."""
+        rows = rows[rows < len(self.identities)]
+        held: IntArray = rows[self.identities[rows] == identity]
+        return held
+
     def remove(self, row: int) -> None:
         """Forget a landmark of the state; what hangs on it stands alone from then on."""
         if self._carries[row]:

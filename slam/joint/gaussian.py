@@ -108,8 +108,7 @@ class JointGaussian:
 
     def forget_keyframes(self, number: int) -> None:
         """Those from this number on, as far as the state has them."""
-        rows = self._keyframes[number:].ravel()
-        self.state.take_out(rows[self.state.atlas.identities[rows] == KEYFRAME])
+        self.state.take_out(self.state.atlas.holding(KEYFRAME, self._keyframes[number:].ravel()))
         self._keyframes = self._keyframes[:number]
 
     def from_keyframes(self) -> FloatArray:
