@@ -30,7 +30,8 @@ def wheel_decoder(settings: EncoderSettings) -> WheelDecoder:
 def layout_messages(layout: DbcLayout | SignalsLayout) -> dict[str, Message]:
     """Messages by name, each id once; of a DBC those that the wheels name."""
     if isinstance(layout, DbcLayout):
-        return dbc_messages(ROVER_DBC if layout.file is None else Path(layout.file), _named(layout))
+        path = ROVER_DBC if layout.file is None else Path(layout.file)
+        return dbc_messages(path, _named(layout), _read_signals(layout))
     messages = {message.name: built_message(message) for message in layout.messages}
     refuse_duplicate_ids("messages", [(message.frame_id, message.name) for message in layout.messages])
     return messages
@@ -43,3 +44,10 @@ def _named(layout: DbcLayout) -> Iterator[str]:
             yield wheel.info.message
         if not is_own_direction(wheel) and wheel.direction:
             yield wheel.direction.rpartition(".")[0]
+
+
+def _read_signals(layout: DbcLayout) -> set[str]:
+    """Every word of the layout that may be the name of a signal."""
+    tables = [part for wheel in (layout.left, layout.right) for part in (wheel, wheel.info) if part is not None]
+    words = {value for part in tables for value in part.model_dump().values() if isinstance(value, str)}
+    return words | {word.rpartition(".")[2] for word in words}

@@ -6,7 +6,7 @@ lines of tools that no parser knows. Only the named messages are judged, and han
 
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from cantools.database.can import Database, Message
@@ -20,16 +20,20 @@ UTF16 = (b"\xff\xfe", b"\xfe\xff")
 COMMENT = re.compile(r'^[ \t]*CM_\s[^"]*"(?:[^"\\]|\\.)*"\s*;', re.MULTILINE)
 BO_LINE = re.compile(r"^\s*BO_\s+(\d+)\s+(\w+)\s*:\s*(\d+)")
 SG_LINE = re.compile(
-    r"^\s*SG_\s+(\w+)\s*(M|m\d+M?)?\s*:\s*(\d+)\s*\|\s*(\d+)\s*@\s*([01])\s*([+-])"
+    r"^\s*SG_\s+([A-Za-z_]\w*)\s*(M|m\d+M?)?\s*:\s*(\d+)\s*\|\s*(\d+)\s*@\s*([01])\s*([+-])"
     r"\s*\(\s*([^,()]+?)\s*,\s*([^,()]+?)\s*\)\s*(?:\[\s*([^|\]]*?)\s*\|\s*([^|\]]*?)\s*\])?"
 )
 LONG_NAME = re.compile(r'^\s*BA_\s+"System(Message|Signal)LongSymbol"\s+(?:BO_|SG_)\s+(\d+)\s+(?:(\w+)\s+)?"(\w+)"')
+STANDARD_ID, EXTENDED_BIT = 0x7FF, 1 << 31
 KEPT = ("SIG_VALTYPE_", "SG_MUL_VAL_")
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?")
 
 
-def dbc_messages(path: Path, names: Iterable[str]) -> dict[str, Message]:
-    """The messages of these names. Raises DriverError with one sentence: for what is missing, twice there or wrong."""
+def dbc_messages(path: Path, names: Iterable[str], signals: Collection[str] = ()) -> dict[str, Message]:
+    """The messages of these names. Raises DriverError with one sentence: for what is missing, twice there or wrong.
+
+    signals: those that the wheels read; where a message is sound in these, it may have others that overlap.
+    """
     wanted = dict.fromkeys(names)
     blocks = _blocks(_text(path))
     by_name = Counter(block.name for block in blocks)
@@ -49,13 +53,23 @@ def dbc_messages(path: Path, names: Iterable[str]) -> dict[str, Message]:
         known = ", ".join(list(by_name)[:MOST_NAMED]) or "no message at all"
         more = f" and {len(by_name) - MOST_NAMED} more" if len(by_name) > MOST_NAMED else ""
         raise DriverError(f"{path}: message {missing[0]}: there is only {known}{more}; correct the name in the layout")
-    text = "\n\n".join(['VERSION ""', "NS_ :", "BS_:", "BU_: X", *(block.text() for block in chosen)]) + "\n"
-    try:
-        database = Database(strict=True)
-        database.add_dbc_string(text)
-    except Exception as error:
-        reason = " ".join(str(error).split())[:200]
-        raise DriverError(f"{path}: not a DBC that can be used ({reason}); mend the file or name another") from error
+    failure: Exception | None = None
+    for reduced in (False, True):
+        for block in chosen if reduced else ():
+            block.keep(signals)
+        try:
+            return _read(chosen)
+        except Exception as error:  # noqa: BLE001 cantools' parser has a family of its own
+            failure = failure or error  # the one with all signals tells more
+    reason = " ".join(str(failure).split())[:200]
+    raise DriverError(f"{path}: not a DBC that can be used ({reason}); mend the file or name another") from failure
+
+
+def _read(blocks: "list[_Block]") -> dict[str, Message]:
+    """Messages as cantools makes them. Raises whatever it and its parser raise."""
+    database = Database(strict=True)
+    text = ['VERSION ""', "NS_ :", "BS_:", "BU_: X", *(block.text() for block in blocks)]
+    database.add_dbc_string("\n\n".join(text) + "\n")
     return {message.name: message for message in database.messages}
 
 
@@ -63,9 +77,17 @@ class _Block:
     """One message with its signals, as cantools reads them: without units, receivers and whatever follows."""
 
     def __init__(self, number: int, name: str, length: int) -> None:
-        self.number, self.name, self._length = number, name, length
+        is_extended = STANDARD_ID < number < EXTENDED_BIT  # some tools leave the bit out that says so
+        self.number, self.name, self._length = number | EXTENDED_BIT * is_extended, name, length
         self.signals: dict[str, str] = {}
         self.further: list[str] = []
+
+    def keep(self, signals: Collection[str]) -> None:
+        """Leave out what nobody reads: all but these and the multiplexers, where these are given and there."""
+        kept = {name: rest for name, rest in self.signals.items() if name in signals}
+        if kept:
+            self.signals = {name: rest for name, rest in self.signals.items() if name in kept or rest[:1] in "Mm"}
+            self.further = [line for line in self.further if any(name in line.split() for name in self.signals)]
 
     def text(self) -> str:
         """The message as lines of a DBC."""
@@ -104,7 +126,7 @@ def _blocks(text: str) -> list[_Block]:
         if found := BO_LINE.match(line):
             current = _Block(int(found[1]), found[2], int(found[3]))
             blocks.append(current)
-            by_number.setdefault(current.number, current)
+            by_number.setdefault(int(found[1]), current)
         elif line.lstrip().startswith("SG_ "):
             if current is not None and (signal := _signal(line)) is not None:
                 current.signals.setdefault(*signal)
@@ -128,8 +150,9 @@ def _signal(line: str) -> tuple[str, str] | None:
     name, multiplexer, start, length, order, sign, scale, offset, low, high = found.groups()
     if not (NUMBER.fullmatch(scale) and NUMBER.fullmatch(offset)):
         return None
-    limits = "|".join(each if each and NUMBER.fullmatch(each) else "0" for each in (low, high))
-    return name, f'{multiplexer or ""} : {start}|{length}@{order}{sign} ({scale},{offset}) [{limits}] "" X'
+    limits = "|".join(repr(float(each)) if each and NUMBER.fullmatch(each) else "0" for each in (low, high))
+    scaled = f"({float(scale)!r},{float(offset)!r})"  # cantools reads no .25
+    return name, f'{multiplexer or ""} : {start}|{length}@{order}{sign} {scaled} [{limits}] "" X'
 
 
 def _lengthen(block: _Block | None, signal: str | None, name: str) -> None:

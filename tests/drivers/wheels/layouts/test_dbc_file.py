@@ -22,6 +22,11 @@ LONG = 'BA_ "SystemMessageLongSymbol" BO_ 512 "LW_that_is_called_otherwise";\n'
         COUNTS + TOO_LONG,
         COUNTS + message(902, "TWIN_A", "a : 0|8@1+ (1,0) [0|0]") + message(902, "TWIN_B", "a : 0|8@1+ (1,0) [0|0]"),
         COUNTS + STRANGE,
+        COUNTS.replace(
+            '" B\nBO_ 513', '" B\n SG_ all : 0|48@1+ (1,0) [0|0] "" B\n SG_ 4th : 8|8@1+ (1,0) [0|0] "" B\nBO_ 513'
+        ),
+        COUNTS.replace("(1,0)", "(+1.,.0)"),
+        COUNTS.replace("BO_ 512", "BO_ 217056256"),
         COUNTS.replace('"" B', '"Grad" '),
         COUNTS.replace("\n", "\r\n"),
         COUNTS.replace("(1,0) [0|0]", "( 1 , 0.0 )  [0|1e3x]"),
