@@ -16,7 +16,7 @@ from slam.front_end.front_ends import make_front_end
 from slam.joint.evidence import Confidence
 from slam.joint.gaussian import JointGaussian
 from slam.maps.joint_map import JointMap, take_map
-from slam.maps.start import MapStart, begin_in_map, variant_for
+from slam.maps.start import MapStart, first_maps
 from slam.observations import MOST_FEATURES, NO_FEATURES, seen_before_share, usable_rows, verdicts_of_all
 from slam.odometry.odometry import Increment, Odometry, compound
 from slam.odometry.rest import Rest
@@ -69,13 +69,11 @@ class Estimator:
         )
         self._alignment = Alignment(settings.front_end, self._body_from_laser)
         self._particles = FastSlam(settings, self._generator)
-        self._joint = JointGaussian(settings.joint, self._body_from_laser, settings.tuning(), variant_for(start))
-        self._hash = bytes(16)
-        if start is not None:
-            begin_in_map(self._joint, start)
+        self._hash = bytes(16) if start is None else start.digest()
+        self._joint, saved = first_maps(settings, start)
+        if saved is self._joint:
             self._redraw_particles()
-            self._hash = start.digest()
-        self._relocaliser = Relocaliser(settings, self._joint)
+        self._relocaliser = Relocaliser(settings, self._joint, saved)
         self._keyframes = self._relocaliser.here.keyframes
         self._quality = QualityMonitor(settings.quality, self._joint.scans)
         self._scan_ns: int | None = None
@@ -108,7 +106,7 @@ class Estimator:
 
     def joint_map(self) -> JointMap:
         """The map as it is now, for a later drive to begin in."""
-        return take_map(self._joint)
+        return take_map(self._relocaliser.lasting)
 
     @classmethod
     def warm_up(cls, settings: SlamSettings | None = None) -> None:
@@ -167,7 +165,7 @@ class Estimator:
         matches = verdicts_of_all(rows, outcome.matches, len(features))
         self._chain_hash(matches)
         prediction = self._prediction(stamp_ns)
-        due = self._particles.scans % self._map_every == 0
+        due = self._particles.scans % self._map_every == 0 and not self._relocaliser.awaits_saved
         return replace(
             prediction,
             particles=self._particles.weighted_poses,
@@ -233,7 +231,7 @@ class Estimator:
         since = self._odometry.predicted(stamp_ns)
         moved = since.as_pose()
         grown = compound(pose, covariance, since)
-        judgement = self._quality.judge(stamp_ns, grown, gap_m)
+        judgement = self._relocaliser.judged(self._quality.judge(stamp_ns, grown, gap_m))
         return Estimate(
             stamp_ns=stamp_ns,
             map_from_body=pose @ moved,
@@ -242,7 +240,7 @@ class Estimator:
             particle_covariance=compound(particle_mean, particle_covariance, since),
             odom_from_body=self._odometry.odom_from_body @ moved,
             quality=judgement.quality,
-            doubt=judgement.doubt + (judgement.doubt and self._relocaliser.searching),
+            doubt=judgement.doubt,
             counts=self._counts(),
         )
 

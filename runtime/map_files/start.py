@@ -22,14 +22,15 @@ from slam.pose import Pose2
 class RunStart:
     """A saved map with the bytes of its file, and how the run begins in it.
 
-    pose: map_from_body at the first scan. notes: what differs between the rover of the map and this one.
+    pose: map_from_body at the first scan, None where the rover has to recognise its place. notes: what differs between
+    the rover of the map and this one.
     """
 
     path: Path
     saved: SavedMap
     data: bytes
     localise_only: bool
-    pose: Pose2
+    pose: Pose2 | None
     notes: tuple[str, ...] = ()
 
     @property
@@ -39,13 +40,15 @@ class RunStart:
             "file": self.path.name,
             "sha256": self.saved.sha256,
             "localise_only": str(self.localise_only),
-            "start_at": ",".join(repr(value) for value in self.pose.as_array().tolist()),
+            "start_at": "" if self.pose is None else ",".join(map(repr, self.pose.as_array().tolist())),
         }
 
     def event(self, stamp_ns: int) -> Event:
         """That the run begins in a map, for its first tick."""
         how = "it is not altered" if self.localise_only else "what the run adds goes into a map of its own"
-        where = "{:.2f} m, {:.2f} m, {:.3f} rad".format(*self.pose.as_array())
+        where = "a place that it has yet to recognise"
+        if self.pose is not None:
+            where = "{:.2f} m, {:.2f} m, {:.3f} rad".format(*self.pose.as_array())
         reason = f"the run begins in {self.path.name} ({len(self.saved.joint)} landmarks) at {where}; {how}"
         return Event(stamp_ns, "map", "begun", reason)
 
@@ -76,7 +79,7 @@ def choose_start(
     if fitness.refusal:
         raise ConfigurationError(fitness.refusal)
     if start_at is None:
-        raise UsageError(f"--map {path}: say where in it the rover stands with --start-at X,Y,YAW")
+        return RunStart(path, saved, data, localise_only, None, fitness.notes)
     pose = parse_pose(start_at)
     outside_m = distance_outside(saved, pose)
     reach_m = configuration.slam.view.range_max_m
@@ -144,5 +147,9 @@ def recorded_start(header: RunHeader, folder: RunFolder) -> RunStart | None:
 def _from_metadata(facts: Mapping[str, str], data: bytes, path: Path) -> RunStart:
     localise_only = facts["localise_only"] == "True"
     return RunStart(
-        Path(facts["file"]), decode_map(data, str(path)), data, localise_only, parse_pose(facts["start_at"])
+        Path(facts["file"]),
+        decode_map(data, str(path)),
+        data,
+        localise_only,
+        parse_pose(facts["start_at"]) if facts["start_at"] else None,
     )

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slam.joint.evidence import SETTLED_SCANS
 from slam.joint.gaussian import DECIDED, JointGaussian, Variant
 from slam.maps.joint_map import JointMap, put_map, tie_pose
 from slam.pose import Pose2
+from slam.settings.slam import SlamSettings
 
 READ_OFF_M, READ_OFF_RAD = 0.5, 0.1  # standard deviations of a pose that a person gives
 SPREAD = np.diag((READ_OFF_M**2, READ_OFF_M**2, READ_OFF_RAD**2))
@@ -18,24 +20,35 @@ ADDITIVE = Variant(jacobians="current")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapStart:
-    """known: the saved map. localise_only: nothing is written into it. pose: map_from_body at the first scan."""
+    """known: the saved map. localise_only: nothing is written into it. pose: map_from_body at the first scan; None
+    where the rover has to recognise its place first.
+    """
 
     known: JointMap
     localise_only: bool
-    pose: Pose2
+    pose: Pose2 | None
 
     def digest(self) -> bytes:
         """16 bytes over all of it: the state that a run begins with."""
-        told = struct.pack("<?ddd", self.localise_only, *self.pose.as_array().tolist())
+        place = () if self.pose is None else tuple(self.pose.as_array().tolist())
+        told = struct.pack(f"<?{len(place)}d", self.localise_only, *place)
         return hashlib.blake2b(self.known.digest() + told, digest_size=16).digest()
 
 
-def variant_for(start: MapStart | None) -> Variant:
-    """Of the joint Gaussian that begins so."""
-    return ADDITIVE if start is not None and start.localise_only else DECIDED
+def first_maps(settings: SlamSettings, start: MapStart | None) -> tuple[JointGaussian, JointGaussian | None]:
+    """The map that the drive begins in, and the saved one: the same where the pose is known, None where there is none.
 
-
-def begin_in_map(joint: JointGaussian, start: MapStart) -> None:
-    """Put a joint Gaussian that has seen nothing yet into a saved map, at a pose that was read off it."""
-    put_map(joint, start.known, start.localise_only)
-    tie_pose(joint, start.pose, SPREAD)
+    Where the place has to be recognised, the drive begins in a map of its own, whose landmarks are named after all of
+    the saved one's.
+    """
+    here = JointGaussian(settings.joint, settings.mount.as_pose(), settings.tuning(), DECIDED)
+    if start is None:
+        return here, None
+    variant = ADDITIVE if start.localise_only else DECIDED
+    saved = JointGaussian(settings.joint, settings.mount.as_pose(), settings.tuning(), variant)
+    put_map(saved, start.known, start.localise_only)
+    if start.pose is None:
+        here.scans = start.known.scans + SETTLED_SCANS
+        return here, saved
+    tie_pose(saved, start.pose, SPREAD)
+    return saved, saved

@@ -33,7 +33,8 @@ class Remembered:
 @dataclass(slots=True, eq=False)
 class Island:
     """number: its map id. index: of its rooted landmarks. tried: the local landmarks of the last attempt in it.
-    remembered: how it was when the rooted part was last in view and the pose beyond doubt.
+    remembered: how it was when the rooted part was last in view and the pose beyond doubt. is_saved: of an earlier
+    drive; it takes others in and is never taken into one.
     """
 
     number: int
@@ -44,6 +45,7 @@ class Island:
     confirmation: Confirmation = field(default_factory=Confirmation)
     tried: tuple[int, ...] = ()
     remembered: Remembered | None = None
+    is_saved: bool = False
 
     def follow(self, most_changes: int | None) -> bool:
         """Bring the index up to date with the map as it is remembered; False where changes are left over."""

@@ -10,11 +10,11 @@ import struct
 from dataclasses import dataclass
 
 from drivers.measurements import IntArray
-from slam.estimate import Recognition
+from slam.estimate import Quality, Recognition
 from slam.joint.gaussian import JointGaussian
 from slam.keyframes.keyframes import Keyframes
 from slam.pose import Pose2, wrap_rad
-from slam.quality import QualityMonitor
+from slam.quality import Judgement, QualityMonitor
 from slam.recognise.attempt import LEAST_MATCHES, NOTHING, Attempt, Hypothesis
 from slam.recognise.confirmation import Confirmation
 from slam.recognise.local_points import local_points
@@ -53,24 +53,26 @@ class Search:
 class Relocaliser:
     """here: the map that the rover is in, from which the pose is published."""
 
-    def __init__(self, settings: SlamSettings, joint: JointGaussian) -> None:
+    def __init__(self, settings: SlamSettings, joint: JointGaussian, saved: JointGaussian | None = None) -> None:
+        """saved: the map of an earlier drive; the same as joint where the pose in it is known."""
         self._settings = settings
         self._mount = settings.mount.as_pose()
         self._scale = Scale.of(settings)
         self._reach_m = settings.view.range_max_m + settings.view.range_margin_m
         self.here = self._island(1, joint)
+        self.here.is_saved, self.awaits_saved = saved is joint, False
         if joint.scans:  # the drive begins in a map
             self.here.rooting.root(joint.scans, 0)
             self.here.follow(None)
         self._others: list[Island] = []
-        self._last_number = 1
+        self._last_number, self._turn = 1, 0
         self._local: LocalMap | None = None
         self._search: Search | None = None
-        self._turn = 0
         self._since_attempt_m, self._attempt_ns = 0.0, 0
         self._front_from_map: Pose2 | None = None
-        self.best = NOTHING
-        self.recognised = 0
+        self.best, self.recognised = NOTHING, 0
+        if saved is not None and saved is not joint:
+            self.add_map(saved)
 
     def step(self, seen: ScanSeen, matched: IntArray, quality: QualityMonitor) -> Recognition | None:
         """After every scan. matched (K,): identities or verdicts that the joint Gaussian gave the features.
@@ -94,6 +96,7 @@ class Relocaliser:
         self._last_number += 1
         island = self._island(self._last_number, joint)
         island.rooting.root(joint.scans, 0)
+        island.is_saved = self.awaits_saved = True
         self._put_aside(island)
 
     def continuous(self, map_from_body: Pose2) -> Pose2:
@@ -102,11 +105,23 @@ class Relocaliser:
 
     @property
     def searching(self) -> str:
-        """What the search has come to, to follow a doubt; "" where none is going on."""
+        """What the search has come to; "" where none is going on."""
         if self._local is None and not self._others:
             return ""
         odds = f"best odds {self.best.odds:.0f}" if math.isfinite(self.best.odds) else "too few to tell"
-        return f"; searching the map: {self.best.points} landmarks seen, {odds}"
+        return f"searching the map: {self.best.points} landmarks seen, {odds}"
+
+    def judged(self, judgement: Judgement) -> Judgement:
+        """A pose that says nothing of where the rover is in the saved map is lost, however well it is known."""
+        if self.awaits_saved:
+            return Judgement(Quality.LOST, self.searching)
+        doubts = (judgement.doubt, self.searching if judgement.doubt else "")
+        return Judgement(judgement.quality, "; ".join(filter(None, doubts)))
+
+    @property
+    def lasting(self) -> JointGaussian:
+        """The map that is kept when the drive ends: that of an earlier one, where there is one."""
+        return next((island.joint for island in (self.here, *self._others) if island.is_saved), self.here.joint)
 
     @property
     def figures(self) -> dict[str, float]:
@@ -188,7 +203,8 @@ class Relocaliser:
         islands = [here, *self._others]
         if local is None:
             is_due = self._since_attempt_m >= (CONFIRM_M if self.best.acceptable else REVISIT_M)
-            islands = islands if is_due else self._others
+            others = [] if here.is_saved else self._others
+            islands = [here, *others] if is_due else others
         if not islands or (stamp_ns - self._attempt_ns < ATTEMPT_NS and self._attempt_ns <= stamp_ns):
             return None
         island = islands[self._turn % len(islands)]
@@ -235,6 +251,7 @@ class Relocaliser:
                 self._put_aside(here)
             self.here = island
         self.recognised += 1
+        self.awaits_saved = self.awaits_saved and not island.is_saved
         off = before.inverse() @ self.here.joint.map_from_body
         return Recognition(
             self.here.number,
@@ -268,7 +285,7 @@ class Relocaliser:
         island.follow(None)
         self._others.append(island)
         if len(self._others) > MOST_ISLANDS:
-            self._others.remove(min(self._others, key=lambda other: len(other.index)))
+            self._others.remove(min(self._others, key=lambda other: (other.is_saved, len(other.index))))
 
     def _restart(self, before: Pose2, quality: QualityMonitor, stamp_ns: int) -> None:
         """Everything that remembers the pose of before goes on from the one of now."""
