@@ -1,4 +1,4 @@
-"""Commands on maps: map save, map info, map check, map draw, map live."""
+"""Commands on maps: map save, map info, map check, map draw, map merge, map live."""
 
 import sys
 import threading
@@ -65,6 +65,19 @@ def draw(
     answer(result, draw_lines(result), as_json)
 
 
+def merge(
+    first: Annotated[Path, typer.Argument(metavar="MAP", help="the map whose frame is kept", show_default=False)],
+    second: Annotated[Path, typer.Argument(metavar="OTHER", help="a map of a place that overlaps", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", metavar="BOTH", help="file of the new map; never overwritten")],
+    as_json: AsJson = False,
+) -> None:
+    """Make one map of two, laid onto each other where a place is recognised. Exit 2: none is."""
+    from runtime.maps.merge import merge_files, merge_lines
+
+    result = merge_files(first, second, out)
+    answer(result, merge_lines(result), as_json)
+
+
 def live(
     rover: Annotated[str, typer.Option("--rover", help="name of the rover")],
     connect: Annotated[str, typer.Option("--connect", help="zenoh endpoint of the rover or a router")] = LOCAL_ROVER,
@@ -86,5 +99,5 @@ def live(
     answer({"rover": rover, "grids": sent}, (f"grids     {sent} on infant/{rover}/grid",), as_json)
 
 
-MAP_COMMANDS = (save, info, check, draw, live)
+MAP_COMMANDS = (save, info, check, draw, merge, live)
 MAP_HELP = "A map in files, for another drive or for other programs."
