@@ -67,6 +67,13 @@ def test_a_run_is_not_begun_where_its_map_does_not_suit(hall: Path, tmp_path: Pa
     assert not (tmp_path / "run").exists()
 
 
+def test_a_check_of_a_configuration_reads_the_map_that_it_names(hall: Path) -> None:
+    mock, named = CONFIG / "mock.toml", f"map.file={hall}"
+    assert CliRunner().invoke(app, ["check", "--config", str(mock), "--set", named]).exit_code == 0
+    hall.write_bytes(map_bytes()[:100])
+    assert "is cut off" in str(refused("check", "--config", mock, "--set", named))
+
+
 def test_a_saved_map_has_no_scans_to_draw_a_grid_of(hall: Path) -> None:
     assert "no scans" in str(refused("map", "draw", hall, "--grid"))
     done = CliRunner().invoke(app, ["map", "draw", str(hall), "--json"])
