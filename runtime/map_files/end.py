@@ -6,6 +6,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from runtime.errors import StorageError
 from runtime.map_files.map_file import MapFacts, SavedMap, encode_map
 from runtime.map_files.map_store import write_new_map, write_successor
@@ -45,6 +47,9 @@ def end_in_map(joint: JointMap, start: RunStart, configuration: Configuration, f
         "trouble": None,
     }
     if start.localise_only:
+        return facts
+    if all(np.array_equal(array, joint.arrays[name]) for name, array in start.saved.joint.arrays.items()):
+        facts["trouble"] = "the run has added nothing to the map: its place in it was never recognised"
         return facts
     runs = (folder.path.resolve().name,)
     data = encode_map(joint, facts_of(configuration, runs, start.saved))

@@ -1,5 +1,6 @@
 """A run begins in a saved map, leaves that map as it was, and can be repeated to the last bit."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -94,6 +95,14 @@ def test_what_a_run_adds_goes_into_a_successor_and_its_origin_is_told(hall: Path
     assert grown.facts.runs == ("monday", "tuesday")
     assert grown.facts.predecessor == start.saved.sha256
     assert end_lines(facts)[1] == f"map       grown into {tmp_path}/hall-2.map: 40 landmarks before, 41 after"
+
+
+def test_a_run_that_never_found_its_place_leaves_no_successor(hall: Path, tmp_path: Path) -> None:
+    start, folder = at(hall, "0,0,0"), RunFolder.create(tmp_path / "run", tmp_path)
+    facts = end_in_map(replace(small_map(), scans=999), start, Configuration(), folder)
+    assert facts["successor"] is None
+    assert "never recognised" in end_lines(facts)[-1]
+    assert not (tmp_path / "hall-2.map").exists()
 
 
 def test_a_successor_that_has_no_room_beside_its_map_goes_into_the_run(hall: Path, tmp_path: Path) -> None:
