@@ -61,7 +61,7 @@ def complaint(load: Callable[[], object]) -> str:
 
 
 @given(SEEDS)
-@examples(100)
+@examples(50)
 def test_any_configuration_is_read_or_refused_in_printable_lines(seed: int) -> None:
     rng = random.Random(seed)
     text = mutated_text(rng, rng.choice(TEXTS), TEXTS)
@@ -116,7 +116,7 @@ def check_messages(drive: tuple[RunReader, Ticks], seed: int, use: str) -> None:
 
 
 @given(seed=SEEDS, use=st.sampled_from(["verify", "recover", "evaluate"]))
-@examples(50)
+@examples(20)
 def test_any_message_with_right_checksums_is_read_or_refused(
     drive: tuple[RunReader, Ticks], seed: int, use: str
 ) -> None:
@@ -124,7 +124,7 @@ def test_any_message_with_right_checksums_is_read_or_refused(
 
 
 @given(seed=SEEDS, use=st.sampled_from(["replay", "review"]))
-@examples(8)
+@examples(4)
 def test_the_filter_and_the_review_survive_any_message_too(drive: tuple[RunReader, Ticks], seed: int, use: str) -> None:
     check_messages(drive, seed, use)
 
@@ -156,7 +156,7 @@ VALUES = st.recursive(
 
 
 @given(line=st.sampled_from(LINES), key=st.integers(0, 8), value=VALUES, seed=SEEDS, has_right_hashes=st.booleans())
-@examples(50)
+@examples(20)
 def test_any_manifest_is_read_or_damage(
     drive: tuple[RunReader, Ticks],
     line: dict[str, Any],

@@ -27,9 +27,8 @@ def test_a_line_stays_one_line_and_json_stays_json(capsys: pytest.CaptureFixture
     assert json.loads(said) == {"reason": "\x1b\x7f\n"}
 
 
-@pytest.mark.parametrize("closed", ["2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
-def test_streams_that_are_closed_are_no_defect(closed: str) -> None:
-    command = f"exec {sys.executable} -m runtime.cli log info nothing {closed}"
+def test_streams_that_are_closed_are_no_defect() -> None:
+    command = f"exec {sys.executable} -m runtime.cli log info nothing <&- >&- 2>&-"
     ended = subprocess.run(command, shell=True, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False)
     assert ended.returncode == 6
 

@@ -13,7 +13,7 @@ from runtime.service.thread_watch import TOLD_NS, Failures
 from tests.runtime.record.writing.test_recorder import put, start, wait_until
 from tests.support.zenoh.wire import free_port, opened, publishing, put_ticks, settings_on, until
 
-TIMES = 4
+TIMES = 2
 RECOVERED_S = 2.0
 
 
