@@ -26,6 +26,7 @@ KEPT_POSES = 64
 LOOKS_A_SLICE = 120_000  # about 3 ms
 ODDS, LEAST_MATCHES, LEAST_SHARE = 14.0, 6, 0.4
 OVER_MIRROR = 5.0
+LEAST_RIVALS, MOST_RIVALS = 4, 10  # places that look alike, from which the tail is estimated
 NEGLIGIBLE = 30.0  # smaller than the best by more, in logarithms, a rival has no mass
 LEAST_WRONG = 1e-3
 
@@ -115,12 +116,13 @@ class Attempt:
         if not self._sides:
             return NOTHING
         side, mirror = self._sides
-        pose, matches, odds = side.best()
+        pose, matches, factors = side.best()
+        mirrored = mirror.best()[2]
         matched = np.flatnonzero(matches != FREE)
         return Hypothesis(
             pose,
-            odds,
-            mirror.best()[2],
+            odds_of(factors, [*factors[1:], *mirrored]),
+            odds_of(mirrored, [*mirrored[1:], *factors[1:]]),
             self._identities[matched],
             self._known.identities[matches[matched]],
             len(self._identities),
@@ -173,8 +175,10 @@ class _Side:
             self._refined += 1
         return looks if self._refined == KEPT_POSES else most_looks
 
-    def best(self) -> tuple[Pose2, NDArray[np.int64], float]:
-        """The pose with the largest Bayes factor, its matches (n,), and its odds against all else together."""
+    def best(self) -> tuple[Pose2, NDArray[np.int64], list[float]]:
+        """The pose with the largest Bayes factor, its matches (n,), and the logarithms of this one and of all rivals
+        that are not negligible, the largest first.
+        """
         order = np.argsort(-self._factors, kind="stable")
         order = order[self._factors[order] > max(float(self._factors[order[0]]) - NEGLIGIBLE, -math.inf)]
         apart: list[int] = []
@@ -182,11 +186,30 @@ class _Side:
             if not any(_same(self._found.poses[number], self._found.poses[other]) for other in apart):
                 apart.append(number)
         if not apart:
-            return Pose2(), np.full(len(self._task.points_m), FREE), -math.inf
+            return Pose2(), np.full(len(self._task.points_m), FREE), []
         best = apart[0]
-        others = [math.log(0.5), *(math.log(0.5) + float(self._factors[number]) for number in apart[1:])]
-        odds = math.log(0.5) + float(self._factors[best]) - float(np.logaddexp.reduce(others))
-        return Pose2(*self._found.poses[best].tolist()), self._matches[best], odds
+        return Pose2(*self._found.poses[best].tolist()), self._matches[best], self._factors[apart].tolist()
+
+
+def odds_of(factors: list[float], chance: list[float]) -> float:
+    """Odds of the first log Bayes factor against the others and "not in the map", which weighs as much as all places.
+
+    chance: factors that chance has reached here. Where things stand in rows it reaches far, and its best is far above
+    its second best: the odds are counted in units of how far such factors are apart.
+    """
+    if not factors:
+        return -math.inf
+    others = [math.log(0.5), *(math.log(0.5) + factor for factor in factors[1:])]
+    odds = math.log(0.5) + factors[0] - float(np.logaddexp.reduce(others))
+    return odds / spacing(chance) if odds > 0.0 else odds
+
+
+def spacing(chance: list[float]) -> float:
+    """Scale of the exponential tail of the factors that are above 0; at least 1, as where next to none is."""
+    largest = sorted((factor for factor in chance if factor > 0.0), reverse=True)[: MOST_RIVALS + 1]
+    if len(largest) < LEAST_RIVALS:
+        return 1.0
+    return max(1.0, sum(largest[:-1]) / (len(largest) - 1) - largest[-1])
 
 
 def searched(known: IndexedMap, points_m: FloatArray, variances_m2: FloatArray, scale: Scale) -> Searched:

@@ -13,7 +13,7 @@ from runtime.studies.recognition.constellations import (
     somewhere,
 )
 from slam.pose import Pose2
-from slam.recognise.attempt import Attempt, Hypothesis, recognise
+from slam.recognise.attempt import Attempt, Hypothesis, odds_of, recognise
 from slam.recognise.map_index import index_of
 
 PLACES = 12
@@ -132,3 +132,13 @@ def test_the_nearest_points_keep_their_own_covariance() -> None:
     assert near.points_m.tolist() == [[1.0, 1.0], [0.0, 4.0]]
     assert (near.covariance_m2[:2, 2:] == 0.5 * np.eye(2)).all()
     assert len(points.nearest(7)) == 3
+
+
+def test_odds_are_counted_in_units_of_what_chance_reaches_here() -> None:
+    """Where things stand in rows, the best of many wrong places is far above the second."""
+    alone = odds_of([40.0, -3.0], [-3.0, -5.0, -6.0])
+    assert alone == pytest.approx(40.0 - math.log(1.0 + math.exp(-3.0)))
+    rivals = [20.0, 15.0, 11.0, 8.0, 6.0]
+    assert odds_of([40.0, *rivals], rivals) == pytest.approx((40.0 - 20.0) / 7.5, abs=0.01)
+    assert odds_of([40.0, *rivals[:2]], rivals[:2]) == pytest.approx(20.0, abs=0.01)
+    assert odds_of([], []) == -math.inf
