@@ -128,7 +128,6 @@ def check(
 ) -> None:
     """Check a configuration, and with --live the rover. Exit 3: configuration cannot be used, 4: a check failed."""
     from runtime.errors import PreflightError
-    from runtime.map_files.start import choose_start
     from runtime.settings.configuration import load_configuration
     from runtime.settings.overrides import key_values
     from runtime.setup.preflight import Check, CheckResult, preflight, preflight_result, worst_result
@@ -137,7 +136,10 @@ def check(
     configuration = load_configuration(config, key_values(set_ or []))
     if configuration.laser is not None and configuration.encoders is not None:  # else it is for recorded data
         validate_for_live_run(configuration, str(config))
-    choose_start(None, False, None, configuration)  # that map.file is a map, and of this sensor
+    if configuration.map.file is not None:  # loaded here: what reads a map also computes, which takes half a second
+        from runtime.map_files.start import choose_start
+
+        choose_start(None, False, None, configuration)  # that it is a map, and of this sensor
     checks: list[Check] = []
     steps = preflight(configuration) if live else iter([Check("configuration", CheckResult.PASS, str(config))])
     for each in steps:
