@@ -1,5 +1,6 @@
 """The thread of a driver, which can be told to stop, shows that it is alive, and outlives whatever is raised in it."""
 
+import logging
 import threading
 import time
 import traceback
@@ -14,7 +15,8 @@ class StoppableThread:
     """Runs `run`, which has to return soon after is_stopping() has become True; begins it again where it raises.
 
     alive: called from the thread at each is_stopping(), so that a watchdog knows that its loop goes on. failed: told
-    in one sentence, from the thread, what was raised; it may raise itself, which ends nothing either.
+    in one sentence, from the thread, what was raised; it may raise itself, which ends nothing either. Without it the
+    sentence goes to the log, which is standard error.
     """
 
     def __init__(
@@ -22,9 +24,9 @@ class StoppableThread:
         name: str,
         run: Callable[[], None],
         alive: Callable[[], None] = lambda: None,
-        failed: Callable[[str], None] = lambda _: None,
+        failed: Callable[[str], None] | None = None,
     ) -> None:
-        self._alive, self._failed, self._run = alive, failed, run
+        self._alive, self._failed, self._run = alive, failed or self._log, run
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._supervise, name=name, daemon=True)
         self._again_s = 0.5 * AGAIN_MIN_S
@@ -76,10 +78,15 @@ class StoppableThread:
                 return True
             at_once = time.monotonic() - began_s < SOUND_S
             self._again_s = min(2.0 * self._again_s, AGAIN_MAX_S) if at_once else AGAIN_MIN_S
-            self._failed(told(error))
-            self._stop.wait(self._again_s)
+            try:
+                self._failed(told(error))
+            finally:  # where telling fails too, it must not begin anew at once for ever
+                self._stop.wait(self._again_s)
             return False
         return True
+
+    def _log(self, what: str) -> None:
+        logging.getLogger(__name__).error("the thread %s failed and begins again: %s", self._thread.name, what)
 
 
 def told(error: BaseException) -> str:

@@ -1,4 +1,8 @@
+import logging
 import threading
+import time
+
+import pytest
 
 from drivers.stoppable_thread import StoppableThread
 
@@ -28,3 +32,41 @@ def test_a_thread_that_was_never_started_can_be_stopped() -> None:
     thread = StoppableThread("never", lambda: None)
     thread.stop()
     assert thread.was_stopped
+
+
+def test_a_thread_that_fails_and_cannot_tell_it_waits_before_it_begins_again() -> None:
+    runs: list[float] = []
+    enough = threading.Event()
+
+    def run() -> None:
+        runs.append(time.monotonic())
+        if len(runs) == 3:
+            enough.set()
+        raise ValueError("fails")
+
+    def failed(what: str) -> None:
+        raise OSError(what)
+
+    thread = StoppableThread("fails", run, failed=failed)
+    thread.start()
+    assert enough.wait(10.0)
+    thread.stop(10.0)
+    assert runs[2] - runs[0] > 0.25
+    assert not thread.is_alive()
+
+
+def test_a_failure_that_nobody_is_told_of_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    failed = threading.Event()
+
+    def run() -> None:
+        if failed.is_set():
+            return
+        failed.set()
+        raise ValueError("fails")
+
+    thread = StoppableThread("fails", run)
+    with caplog.at_level(logging.ERROR):
+        thread.start()
+        assert failed.wait(10.0)
+        thread.stop(10.0)
+    assert "the thread fails failed and begins again: ValueError('fails')" in caplog.text
