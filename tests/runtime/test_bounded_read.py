@@ -19,7 +19,7 @@ def test_what_is_no_small_file_is_refused_and_keeps_nobody_waiting(tmp_path: Pat
     refusals = {
         tmp_path / "file": "more than 5 bytes",
         tmp_path / "pipe": "not a regular file",
-        tmp_path: "Is a directory",
+        tmp_path: "not a regular file",
         Path("/dev/zero"): "not a regular file",
         Path("/proc/self/mountinfo"): "more than 5 bytes",  # says of itself that it is empty
     }
@@ -28,3 +28,12 @@ def test_what_is_no_small_file_is_refused_and_keeps_nobody_waiting(tmp_path: Pat
             read_bounded(path, 5)
     with pytest.raises(OSError, match="symbolic links"):
         read_bounded(tmp_path / "link", 10, follow=False)
+
+
+def test_what_is_refused_leaves_no_descriptor_open(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    before = len(os.listdir("/proc/self/fd"))
+    for path in (tmp_path, tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(OSError, match="not a regular file"):
+            read_bounded(path, 5)
+    assert len(os.listdir("/proc/self/fd")) == before
