@@ -61,11 +61,14 @@ def _cpu_info() -> dict[str, str]:
 def _blas_core() -> str:
     """Which kernels OpenBLAS has chosen for this processor."""
     try:
-        loaded = set(re.findall(r"/\S*openblas\S*", MAPS.read_text()))
+        loaded = set(re.findall(r" (/.*openblas.*)$", MAPS.read_text(errors="surrogateescape"), re.MULTILINE))
     except OSError:
         loaded = set()
     for path in sorted(loaded):
-        library = ctypes.CDLL(path)
+        try:
+            library = ctypes.CDLL(path)
+        except OSError:  # replaced since it was loaded
+            continue
         for name in CORE_NAMES:
             if hasattr(library, name):
                 function = getattr(library, name)

@@ -3,10 +3,12 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from runtime.record.header import installed_versions, other_versions
+from runtime.service import processor
 from runtime.service.processor import KIND, NAMES, other_kind, processor_facts
 
 HERE = installed_versions()
@@ -41,3 +43,20 @@ def test_other_kernels_of_blas_are_noticed_by_what_they_compute() -> None:
     said = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True)
     assert said.stdout.startswith("Nehalem, results ")
     assert other_kind({"blas": said.stdout.strip()}, dict(processor_facts()))
+
+
+def test_a_library_that_lies_behind_a_blank_or_is_gone_stops_no_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    head = "7f00-7f01 r-xp 00000000 08:01 12    "
+    (tmp_path / "maps").write_text(f"{head}{tmp_path}/my rover/libopenblas.so\n{head}/lib/libopenblas.so (deleted)\n")
+    asked: list[str] = []
+
+    def load(path: str) -> None:
+        asked.append(path)
+        raise OSError("cannot open shared object file")
+
+    monkeypatch.setattr(processor, "MAPS", tmp_path / "maps")
+    monkeypatch.setattr(processor.ctypes, "CDLL", load)
+    assert processor._blas_core() == "unknown"
+    assert f"{tmp_path}/my rover/libopenblas.so" in asked
