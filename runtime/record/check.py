@@ -35,8 +35,10 @@ def run_info(run: Path) -> dict[str, Any]:
     folder, header = reader.folder, reader.header
     manifest = Manifest.load(folder.manifest_path)
     segments: list[dict[str, Any]] = []
-    for path in folder.segment_paths():
-        facts = manifest.segments.get(path.name, {})
+    paths, closed = folder.segment_paths(), manifest.segments
+    marked = manifest.marked(path.name for path in paths)
+    for path in paths:
+        facts = closed.get(path.name, {})
         segments.append(
             {
                 "name": path.name,
@@ -45,7 +47,7 @@ def run_info(run: Path) -> dict[str, Any]:
                 "ticks": facts.get("ticks"),
                 "from_s": facts["first_ns"] * 1e-9 if facts else None,
                 "to_s": facts["last_ns"] * 1e-9 if facts else None,
-                "marked": manifest.is_marked(path.name),
+                "marked": path.name in marked,
             }
         )
     return {

@@ -7,7 +7,7 @@ whole: it is small (one line a minute), and so it is never torn.
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -116,12 +116,17 @@ class Manifest:
         """The marks that were left: from_ns, to_ns and reason."""
         return [line for line in self.lines if line["kind"] == "mark"]
 
-    def is_marked(self, name: str) -> bool:
-        """Whether a segment lies within what a mark preserves."""
-        span = self.segments.get(name)
-        if span is None:
-            return bool(self.marks)
-        return any(mark["from_ns"] <= span["last_ns"] and span["first_ns"] <= mark["to_ns"] for mark in self.marks)
+    def marked(self, names: Iterable[str]) -> set[str]:
+        """Those of these segments that lie within what a mark preserves; one that is not closed may lie in any."""
+        segments, marks = self.segments, self.marks
+
+        def is_marked(name: str) -> bool:
+            span = segments.get(name)
+            if span is None:
+                return bool(marks)
+            return any(mark["from_ns"] <= span["last_ns"] and span["first_ns"] <= mark["to_ns"] for mark in marks)
+
+        return set(filter(is_marked, names))
 
     def _chain(self, facts: Mapping[str, Any]) -> str:
         before = self.lines[-1]["chain"] if self.lines else ""

@@ -175,8 +175,9 @@ class RunReader:
                 missing_ticks += max(1, manifest.ticks.get(path.name, 0) - ticks)
             if file.foreign:
                 self._refuse(path, str(file.damage))
-        missing = manifest.segments.keys() - manifest.removed.keys() - {path.name for path in self._paths}
-        last = [name for name in sorted(missing) if manifest.segments[name]["number"] >= expected]
+        closed = manifest.segments
+        missing = closed.keys() - manifest.removed.keys() - {path.name for path in self._paths}
+        last = [name for name in sorted(missing) if closed[name]["number"] >= expected]
         self._losses += [f"{name} is gone: nobody knows why" for name in last]
         if not last and self._paths[-1].name != "run.mcap" and not self._losses:
             self._losses.append(f"the recording was cut off after {self._paths[-1].name}")

@@ -74,13 +74,15 @@ def make_room(folder: RunFolder, manifest: Manifest, settings: RecordSettings, i
     if not (settings.budget_gb or is_full or _missing_bytes(folder, settings) > 0):
         return made  # other runs are many files: they are looked at only when there is a reason
     others = _other_runs(folder) if settings.budget_gb or settings.remove_older_runs else []
+    runs = (folder, *(run for run, _ in others))
+    used = sum(path.stat().st_size for run in runs for path in (*run.segment_paths(), *run.review_paths()))
+    if not (is_full or _excess(folder, settings, used)):
+        return made
     candidates = _closed(folder, manifest)
     candidates += [old for run in others for old in _closed(*run)]
     candidates.sort(key=lambda old: (old.manifest is manifest, old.age_ns), reverse=True)  # the last one goes first
-    runs = (folder, *(run for run, _ in others))
-    used = sum(path.stat().st_size for run in runs for path in (*run.segment_paths(), *run.review_paths()))
+    possible = sum(old.size for old in candidates)
     while reason := _excess(folder, settings, used) or ("the disk was full" if is_full else ""):
-        possible = sum(old.size for old in candidates)
         if not candidates:
             made.trouble = f"{reason}, and there is no unmarked segment to remove"
             break
@@ -89,9 +91,13 @@ def make_room(folder: RunFolder, manifest: Manifest, settings: RecordSettings, i
             made.trouble = f"{reason}, which the {possible / BYTES_PER_GB:.2f} GB of unmarked segments would not reach"
             break
         old = candidates.pop()
-        used -= old.size
-        is_full = False
-        old.remove(f"removed for room: {reason}")
+        size = old.size
+        try:
+            old.remove(f"removed for room: {reason}")
+        except OSError as error:
+            made.trouble = f"{old.path} cannot be removed ({error.strerror})"
+            break
+        used, possible, is_full = used - size, possible - size, False
         made.removed.append(f"{old.path.parent.name}/{old.path.name} removed for room: {reason}")
     return made
 
@@ -114,11 +120,14 @@ def _excess(folder: RunFolder, settings: RecordSettings, used: int) -> str:
 
 def _closed(folder: RunFolder, manifest: Manifest) -> list[OldSegment]:
     """Segments of a run that may go: not marked, not being written, and none where a mark waits to be read."""
-    waits = folder.marks_path.is_dir() and any(folder.marks_path.iterdir())
+    if folder.marks_path.is_dir() and any(folder.marks_path.iterdir()):
+        return []
+    paths = folder.segment_paths()
+    marked = manifest.marked(path.name for path in paths)
     return [
         OldSegment(path.stat().st_mtime_ns, path, manifest)
-        for path in folder.segment_paths()
-        if not waits and not manifest.is_marked(path.name) and not is_being_written(path)
+        for path in paths
+        if path.name not in marked and not is_being_written(path)
     ]
 
 

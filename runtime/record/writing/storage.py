@@ -1,7 +1,7 @@
 """The record's side of the disk: chunks, segments, room and marks. Each trouble is a state that names its cause."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from drivers.measurements import Event, Severity
@@ -162,8 +162,17 @@ class Storage:
                 self._segments.manifest.save()
             self._note(now_ns, [Event(now_ns, "recorder", "mark", reason) for reason in new.values()])
             self._stuck_marks = set(marks)
-            for path in marks:
-                path.unlink(missing_ok=True)
-            self._troubles["mark"] = ""
+            self._troubles["mark"] = _removed(marks)
         except OSError as error:
             self._troubles["mark"] = f"a mark cannot be kept ({error.strerror})"
+
+
+def _removed(marks: Iterable[Path]) -> str:
+    """Remove the files of marks that are kept; what is wrong where one stays, which keeps none of the others."""
+    trouble = ""
+    for path in marks:
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            trouble = f"{path.name}: a mark was kept and its file cannot be removed ({error.strerror})"
+    return trouble

@@ -1,13 +1,18 @@
 """Whoever may write into a run's folder may mark; what he leaves there cannot keep the recorder from its work."""
 
 import os
+import time
 from pathlib import Path
 
 import pytest
 
 from runtime.errors import StorageError
+from runtime.record.folder import RunFolder
+from runtime.record.header import RunHeader
 from runtime.record.manifest import Manifest
-from runtime.record.marks import LONGEST_REASON, leave_mark, take_marks
+from runtime.record.marks import LONGEST_REASON, MOST_MARKS, leave_mark, take_marks
+from runtime.record.writing.storage import SYNC_NS, Storage
+from runtime.settings.record import RecordSettings
 from tests.runtime.record.test_segments import Drive, driven
 
 
@@ -24,6 +29,22 @@ def test_what_is_no_small_file_is_a_mark_without_words(tmp_path: Path) -> None:
     assert all(marks[f"{name}.txt"].startswith("a mark that cannot be read") for name in "abcd")
     assert marks["e.txt"] == "\\x1b[2J a branch\\nFAKE"
     assert "key" not in "".join(marks.values())
+
+
+def test_a_mark_whose_file_stays_keeps_no_other_and_is_kept_once(tmp_path: Path) -> None:
+    run = RunFolder.create(tmp_path / "run", tmp_path)
+    header = RunHeader.of_live_run("", {})
+    storage = Storage(run, header, RecordSettings(), time.monotonic_ns, lambda _number, _stamp_ns: None)
+    run.marks_path.mkdir()
+    (run.marks_path / "0.txt").mkdir()
+    for number in range(2 * MOST_MARKS):
+        (run.marks_path / f"{number + 1}.txt").write_text(f"branch {number}")
+        storage.visit_disk(time.monotonic_ns() + (number + 1) * SYNC_NS)
+    assert [path.name for path in run.marks_path.iterdir()] == ["0.txt"]
+    assert "0.txt: a mark was kept and its file cannot be removed" in "; ".join(storage.troubles)
+    storage.close()
+    reasons = [mark["reason"] for mark in Manifest.load(run.manifest_path).marks]
+    assert sorted(reasons[1:]) == sorted(f"branch {number}" for number in range(2 * MOST_MARKS))
 
 
 def test_marks_behind_a_link_are_neither_read_nor_left(tmp_path: Path) -> None:

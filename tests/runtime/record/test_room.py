@@ -104,6 +104,21 @@ def test_nothing_goes_where_it_would_not_help(tmp_path: Path) -> None:
     assert len(folder.segment_paths()) == 4
 
 
+def test_a_segment_that_cannot_be_removed_hides_none_that_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = driven(tmp_path / "run")
+    unlink = Path.unlink
+
+    def refusing(path: Path, missing_ok: bool = False) -> None:
+        if path.name == "run-0002.mcap":
+            raise PermissionError(13, "Permission denied", str(path))
+        unlink(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", refusing)
+    made = make_room(folder, Manifest.load(folder.manifest_path), budget_of(folder.mcap_path), False)
+    assert [sentence.split()[0] for sentence in made.removed] == ["run/run-0001.mcap"]
+    assert made.trouble == f"{folder.closed_path(2)} cannot be removed (Permission denied)"
+
+
 def test_what_is_being_written_stays(tmp_path: Path) -> None:
     drive = Drive(tmp_path / "run")
     drive.run(15)
@@ -131,7 +146,8 @@ def test_a_run_that_has_ended_is_marked_as_a_whole(tmp_path: Path) -> None:
     folder = driven(tmp_path / "run")
     assert leave_mark(folder, "the one with the kerb")
     manifest = Manifest.load(folder.manifest_path)
-    assert all(manifest.is_marked(path.name) for path in folder.segment_paths())
+    names = {path.name for path in folder.segment_paths()}
+    assert manifest.marked(names) == names
     assert verify_run(folder.path).damages == []
 
 
