@@ -57,6 +57,6 @@ def test_a_library_that_lies_behind_a_blank_or_is_gone_stops_no_start(
         raise OSError("cannot open shared object file")
 
     monkeypatch.setattr(processor, "MAPS", tmp_path / "maps")
-    monkeypatch.setattr(processor.ctypes, "CDLL", load)
+    monkeypatch.setattr("ctypes.CDLL", load)
     assert processor._blas_core() == "unknown"
     assert f"{tmp_path}/my rover/libopenblas.so" in asked
