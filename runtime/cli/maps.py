@@ -93,7 +93,9 @@ def live(
 
     stop = stop_on_signals()
     if duration is not None:
-        threading.Timer(duration, stop.set).start()
+        timer = threading.Timer(duration, stop.set)
+        timer.daemon = True  # what ends earlier does not wait for it
+        timer.start()
     file = None if zenoh_file is None else str(zenoh_file)
     sent = publish_live_grid(connect, rover, resolution, file, stop, sys.stderr)
     answer({"rover": rover, "grids": sent}, (f"grids     {sent} on infant/{rover}/grid",), as_json)

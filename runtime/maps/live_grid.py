@@ -1,7 +1,8 @@
 """An occupancy grid of a rover that drives, made of what it says over zenoh in a process of its own.
 
-The rover's loop knows nothing of it. Work is bounded: a scan when one comes (publish.scan_hz), a picture of the grid
-once a second, and at most MOST_CELLS cells.
+The rover's loop knows nothing of it. Anyone may publish on the rover's keys: what makes no sense is passed over.
+Work is bounded: a scan when one comes (publish.scan_hz), a picture of the grid once a second, and at most MOST_CELLS
+cells.
 """
 
 import queue
@@ -16,9 +17,11 @@ import numpy as np
 import zenoh
 
 from drivers.measurements import Scan, uniform_bearings
-from runtime.errors import SensorError
+from runtime.errors import SensorError, UsageError
 from runtime.maps.grid_message import GRID, grid_bytes
 from runtime.messages.tick import decode
+from runtime.printable import printable
+from runtime.publish.rover_status import ROVER
 from runtime.publish.session import short_reason, tool_config
 from runtime.settings.configuration import load_configuration_text
 from slam.front_end.deskew import Twist, deskew
@@ -33,23 +36,39 @@ POSES_KEPT = 100  # ten seconds at 10 Hz, for scans that come late
 ASK_S = 2.0
 WAKE_S = 0.2
 MOST_WAITING = 200  # messages
+FARTHEST_M = 1e6  # where no rover drives, and cells of a grid still have numbers
 
 
 class LiveGrid:
-    """Places scans by the poses around them and counts them; all stamps are the rover's wall time."""
+    """Places scans by the poses around them and counts them; all stamps are the rover's wall time.
+
+    troubles: what went wrong, a sentence for each kind.
+    """
 
     def __init__(self, settings: SlamSettings, resolution_m: float) -> None:
         self._settings = settings
         self._poses: deque[tuple[int, Pose2, bool]] = deque(maxlen=POSES_KEPT)
         self.grid = OccupancyGrid(resolution_m, MOST_CELLS)
-        self.trouble = ""
+        self.troubles: dict[str, str] = {}
+
+    def take(self, name: str, data: bytes) -> None:
+        """A message on the rover's key of this name, "pose" or "scan"."""
+        try:
+            message = decode(f"/{name}", data)
+            if name == "pose":
+                self.add_pose(message)
+            else:
+                self.add_scan(message)
+        except (ValueError, IndexError, ArithmeticError) as error:
+            self.troubles.setdefault(name, f"a {name} that no rover sends is passed over: {printable(str(error), 200)}")
 
     def add_pose(self, message: Any) -> None:
         """geometry_msgs/PoseWithCovarianceStamped."""
         variances = message.pose.covariance.reshape(6, 6)
-        known = bool(max(variances[0, 0], variances[1, 1]) < LOST_M**2)
         at, turn = message.pose.pose.position, message.pose.pose.orientation
         pose = Pose2(at.x, at.y, wrap_rad(2.0 * float(np.arctan2(turn.z, turn.w))))
+        is_near = bool((np.abs(pose.as_array()) < FARTHEST_M).all())  # false for NaN
+        known = is_near and bool(max(variances[0, 0], variances[1, 1]) < LOST_M**2)
         self._poses.append((stamp_of(message), pose, known))
 
     def add_scan(self, message: Any) -> bool:
@@ -66,11 +85,13 @@ class LiveGrid:
         mount, front_end = self._settings.mount, self._settings.front_end
         beams = deskew(mount.upright(scan), twist, mount.as_pose(), front_end.range_min_m, front_end.range_max_m)
         map_from_laser = pose @ mount.as_pose()
-        points = map_from_laser.transform(beams.points_m[np.isfinite(beams.ranges_m)])
+        returned = np.isfinite(beams.ranges_m) & np.isfinite(beams.points_m).all(axis=1)
+        points = map_from_laser.transform(beams.points_m[returned])
         try:
             self.grid.add(map_from_laser.as_array()[:2], points, np.ones(len(points), dtype=np.bool_))
         except MemoryError as error:
-            self.trouble = f"the grid would have {error}: nothing is added any more; give a coarser --resolution"
+            text = f"the grid would have {error}: scans that reach so far are left out; give a coarser --resolution"
+            self.troubles.setdefault("size", text)
             return False
         return True
 
@@ -97,8 +118,11 @@ def publish_live_grid(
 ) -> int:
     """Listen to a rover and say its grid on infant/<rover>/grid once a second until `stop`; returns how often it did.
 
-    Raises SensorError where nobody answers, ConfigurationError where config_file cannot be used.
+    said: gets each kind of trouble once. Raises SensorError where nobody answers, ConfigurationError where config_file
+    cannot be used, UsageError where no rover can have this name.
     """
+    if not ROVER.fullmatch(rover):
+        raise UsageError(f"--rover {rover!r}: expected a name of 1 to 32 letters, digits, - and _")
     try:
         session = zenoh.open(tool_config(endpoint, config_file))
     except zenoh.ZError as error:
@@ -114,14 +138,16 @@ def publish_live_grid(
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.DATA_LOW,
         )
-        sent, next_s = 0, time.monotonic() + GRID_S
+        sent, troubles, next_s = 0, 0, time.monotonic() + GRID_S
         while not stop.is_set():
-            _take(live, waiting)
+            with suppress(queue.Empty):
+                live.take(*waiting.get(timeout=WAKE_S))
+            for text in list(live.troubles.values())[troubles:]:
+                troubles += 1
+                said.write(f"infant: {text}\n")
             if time.monotonic() >= next_s and live.grid.scans:
                 publisher.put(grid_bytes(live.grid.grid_map(), time.time_ns()))
                 sent, next_s = sent + 1, time.monotonic() + GRID_S
-        if live.trouble:
-            said.write(f"infant: {live.trouble}\n")
     return sent
 
 
@@ -142,18 +168,3 @@ def _into(waiting: "queue.Queue[tuple[str, bytes]]", name: str) -> "zenoh.handle
 
     # indirect=True would start Python threads that hang or abort a process that ends without closing the session
     return zenoh.handlers.Callback(keep, indirect=False)
-
-
-def _take(live: LiveGrid, waiting: "queue.Queue[tuple[str, bytes]]") -> None:
-    """All messages that wait; sleeps a moment where none does."""
-    try:
-        name, data = waiting.get(timeout=WAKE_S)
-        while True:
-            message = decode(f"/{name}", data)
-            if name == "pose":
-                live.add_pose(message)
-            else:
-                live.add_scan(message)
-            name, data = waiting.get_nowait()
-    except queue.Empty:
-        return

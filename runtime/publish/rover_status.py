@@ -8,13 +8,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from runtime.printable import printable
 
 LARGEST_BYTES = 64 << 10  # a status has 2 kB
-KEY = re.compile(r"infant/([A-Za-z0-9_-]{1,32})/status")
+LONGEST_TEXT = 1000  # characters shown; a rover in trouble may say more, and must be seen all the same
+ROVER = re.compile(r"[A-Za-z0-9_-]{1,32}")
+KEY = re.compile(rf"infant/({ROVER.pattern})/status")
 
 Number = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
 Count = Annotated[int, Field(ge=0, le=1 << 62)]
 Stamp = Annotated[int, Field(ge=-(1 << 62), le=1 << 62)]
 Name = Annotated[str, Field(max_length=64)]
-Text = Annotated[str, Field(max_length=1000)]
 
 
 class _Part(BaseModel):
@@ -29,17 +30,17 @@ class _Pose(_Part):
 
 class _Sensor(_Part):
     state: Name
-    reason: Text
+    reason: str
     rate_hz: Number
     counters: Annotated[dict[Name, Count], Field(max_length=200)] = {}
     figures: Annotated[dict[Name, Number | None], Field(max_length=200)] = {}
-    facts: Annotated[dict[Name, Text], Field(max_length=50)] = {}
+    facts: Annotated[dict[Name, str], Field(max_length=50)] = {}
 
 
 class _Sink(_Part):
     depth: Count
     dropped: Count
-    trouble: Text
+    trouble: str
 
 
 class RoverStatus(_Part):
@@ -48,7 +49,7 @@ class RoverStatus(_Part):
     rover: Name
     stamp_ns: Stamp
     state: Name | None
-    reasons: Annotated[list[Text], Field(max_length=50)]
+    reasons: Annotated[list[str], Field(max_length=50)]
     rate_hz: Number
     seq: Count | None
     quality: Name | None
@@ -59,11 +60,11 @@ class RoverStatus(_Part):
     landmarks: Count | None
     sensors: Annotated[dict[Name, _Sensor], Field(max_length=20)]
     sinks: Annotated[dict[Name, _Sink], Field(max_length=20)]
-    listening: Annotated[list[Text], Field(max_length=20)] = []
+    listening: Annotated[list[str], Field(max_length=20)] = []
 
 
 def believed(key: str, payload: bytes) -> dict[str, Any]:
-    """The status in an answer, its texts printable. Raises ValueError with a sentence where it is none."""
+    """The status in an answer, its texts printable and cut. Raises ValueError with a sentence where it is none."""
     match = KEY.fullmatch(key)
     if match is None:
         raise ValueError(f"{printable(key, 100)} is no rover's status")
@@ -88,7 +89,7 @@ def believed(key: str, payload: bytes) -> dict[str, Any]:
 def _printable(value: Any) -> Any:
     match value:
         case str():
-            return printable(value)
+            return printable(value, LONGEST_TEXT)
         case dict():
             return {printable(key): _printable(each) for key, each in value.items()}
         case list():

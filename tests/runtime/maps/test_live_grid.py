@@ -13,6 +13,7 @@ from runtime.messages.tick import decode
 from runtime.publish.messages import pose_bytes, scan_bytes
 from runtime.tick import CompletedTick
 from slam.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, GridMap
+from slam.pose import Pose2
 from slam.settings.slam import SlamSettings
 from tests.support.runtime.drawn_drive import MOUNT, YARD_M, completed_ticks
 
@@ -46,6 +47,26 @@ def test_the_walls_of_the_yard_are_in_the_grid() -> None:
 def test_scans_of_a_lost_rover_are_left_out() -> None:
     live = LiveGrid(SlamSettings(mount=MOUNT), 0.1)
     assert not any(heard(completed, live, covariance_m2=100.0) for completed in completed_ticks(5))
+    assert live.grid.scans == 0
+
+
+def test_messages_that_no_rover_sends_are_passed_over_and_named_once() -> None:
+    live = LiveGrid(SlamSettings(mount=MOUNT), 0.1)
+    for _ in range(3):
+        live.take("pose", b"junk")
+        live.take("scan", b"")
+    assert live.troubles.keys() == {"pose", "scan"}
+    assert all("that no rover sends is passed over" in text for text in live.troubles.values())
+
+
+@pytest.mark.parametrize("x_m", [np.nan, np.inf, 1e300])
+def test_a_pose_that_is_nowhere_places_no_scan(x_m: float) -> None:
+    live = LiveGrid(SlamSettings(mount=MOUNT), 0.1)
+    away = [
+        replace(each, estimate=replace(each.estimate, map_from_body=Pose2(x_m, 0.0, 0.0)))
+        for each in completed_ticks(5)
+    ]
+    assert not any(heard(completed, live) for completed in away)
     assert live.grid.scans == 0
 
 
