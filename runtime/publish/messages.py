@@ -182,7 +182,8 @@ def _sensors(sensors: Mapping[str, SensorHealth]) -> dict[str, Any]:
 
 def _sinks(sinks: Mapping[str, SinkHealth]) -> dict[str, Any]:
     return {
-        name: {"depth": sink.depth, "dropped": sink.dropped, "trouble": sink.trouble} for name, sink in sinks.items()
+        name: {"depth": sink.depth, "dropped": sink.dropped, "trouble": printable(sink.trouble)}
+        for name, sink in sinks.items()
     }
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import zenoh
 
-from runtime.publish.rover_status import LARGEST_BYTES, believed
+from runtime.publish.rover_status import believed
 from runtime.publish.session import tool_config
 from runtime.sensor_report import sensor_lines
 
@@ -44,7 +44,7 @@ def fetch_status(
                 if reply.ok is None:
                     continue
                 try:
-                    status = believed(str(reply.ok.key_expr), _payload(reply.ok))
+                    status = believed(str(reply.ok.key_expr), reply.ok.payload.to_bytes())
                 except ValueError as error:
                     refused(str(error))
                 else:
@@ -91,12 +91,6 @@ def silence_sentence(connect: Sequence[str] = ENDPOINTS) -> str:
     """What to say when no rover answers."""
     where = ", ".join(connect)
     return f"no rover answers at {where}; is infant run running, and does publish.listen name one of these?"
-
-
-def _payload(sample: zenoh.Sample) -> bytes:
-    """Not copied where it is too large to be a status anyway."""
-    size = len(sample.payload)
-    return sample.payload.to_bytes() if size <= LARGEST_BYTES else bytes(size)
 
 
 def _row(status: Mapping[str, Any]) -> tuple[str, ...]:

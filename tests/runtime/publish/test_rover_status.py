@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import zenoh
 
-from runtime.publish.rover_status import LARGEST_BYTES, believed
+from runtime.publish.rover_status import LARGEST_BYTES, LONGEST_TEXT, believed
 from runtime.publish.session import tool_config
 from runtime.publish.status import fetch_status, status_line, status_table
 from tests.runtime.publish.test_status import made_status
@@ -66,6 +66,12 @@ def test_a_good_answer_is_shown_and_its_texts_move_no_cursor() -> None:
     assert all(line.isprintable() for line in shown)
     assert "\\x1b[2J\\nFAKE" in shown[1]
     assert believed(KEY, said()) == {**GOOD, "listening": []}
+
+
+def test_a_rover_with_a_long_trouble_is_shown_and_the_trouble_cut() -> None:
+    trouble = "x" * 3000
+    (reason,) = believed(KEY, said(reasons=[trouble]))["reasons"]
+    assert reason == f"{trouble[:LONGEST_TEXT]} ... (3000 characters)"
 
 
 def test_a_good_rover_is_shown_beside_others_that_answer_anything() -> None:
