@@ -188,9 +188,7 @@ class CanEncoders:
                 self._note_link("not_a_frame", str(error), keep=True, key="not_a_frame")
                 if strangers > STRANGERS:  # an adapter whose buffer is spoilt, or a flood
                     self._thread.wait(STRANGER_WAIT_S)
-                    if self._now_ns() - last_ns > silence_s * 1e9:
-                        return heard
-                continue
+                frame = None  # beside which the wheels are silent
             except BusReadError as error:
                 errors += 1
                 self._note_link("read", str(error))

@@ -7,8 +7,9 @@ import numpy as np
 from drivers.measurements import FloatArray
 from slam.estimate import LandmarkMap
 from slam.joint.gaussian import CONFIRMED_LOG_ODDS
+from slam.settings.tuning import Tuning
 
-GONE_LOG_ODDS = -1.0  # as slam.settings.tuning removes a landmark of its own
+GONE_LOG_ODDS: float = Tuning._field_defaults["log_odds_remove"]  # as the filter removes a landmark of its own
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,7 +16,6 @@ from slam.maps.joint_map import JointMap
 MAGIC, FORMAT = b"INFANTMAP", 1
 SHA_BYTES = 32
 FIRST_LINE_BYTES = 64
-LARGEST_BYTES = 256 << 20  # of a file; a map of 10 000 landmarks has a tenth
 LEAST_LANDMARKS = 2  # fewer leave the heading open
 SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "identities": ("<i8", ("L",)),

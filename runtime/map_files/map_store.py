@@ -10,7 +10,8 @@ from pathlib import Path
 from runtime.atomic_write import FOLDER_FLAGS, atomic_write, sync_folder
 from runtime.bounded_read import read_bounded
 from runtime.errors import NotAMapError, RunExistsError, StorageError
-from runtime.map_files.map_file import LARGEST_BYTES, LEAST_LANDMARKS, SavedMap, decode_map
+from runtime.map_files.map_file import LEAST_LANDMARKS, SavedMap, decode_map
+from runtime.record.folder import LARGEST_MAP_BYTES
 
 NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS)  # of a file system without hard links, as on cards
 NUMBERED = re.compile(r"(.*)-(\d+)")
@@ -19,7 +20,7 @@ NUMBERED = re.compile(r"(.*)-(\d+)")
 def read_map(path: Path) -> tuple[SavedMap, bytes]:
     """A map that a pose can be found in, and the bytes of its file. Raises NotAMapError."""
     try:
-        data = read_bounded(path, LARGEST_BYTES)
+        data = read_bounded(path, LARGEST_MAP_BYTES)
     except FileNotFoundError as error:
         raise NotAMapError(f"{path} does not exist; save a map with infant map save RUN --out {path}") from error
     except OSError as error:

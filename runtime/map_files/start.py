@@ -9,9 +9,10 @@ from drivers.measurements import Event
 from runtime.bounded_read import read_bounded
 from runtime.errors import ConfigurationError, NotAMapError, UsageError
 from runtime.map_files.fitness import distance_outside, suits
-from runtime.map_files.map_file import LARGEST_BYTES, SavedMap, decode_map
+from runtime.map_files.map_file import SavedMap, decode_map
 from runtime.map_files.map_store import read_map
-from runtime.record.folder import RunFolder
+from runtime.printable import printable
+from runtime.record.folder import LARGEST_MAP_BYTES, RunFolder
 from runtime.record.header import RunHeader
 from runtime.settings.configuration import Configuration
 from slam.maps.start import MapStart
@@ -128,20 +129,24 @@ def parse_pose(text: str) -> Pose2:
 def recorded_start(header: RunHeader, folder: RunFolder) -> RunStart | None:
     """How a recorded run began; None where it began without a map.
 
-    Raises NotAMapError where the copy of its map is gone or is another one.
+    Raises NotAMapError where the copy of its map is gone or is another one, or the run does not say how it began.
     """
     if not header.start:
         return None
     path = folder.start_map_path
     try:
-        data = read_bounded(path, LARGEST_BYTES)
+        data = read_bounded(path, LARGEST_MAP_BYTES)
     except OSError as error:
         raise NotAMapError(
             f"{path} cannot be read ({error.strerror}); the run began in this map, and no replay can do without it"
         ) from error
-    if hashlib.sha256(data).hexdigest() != header.start["sha256"]:
+    if hashlib.sha256(data).hexdigest() != header.start.get("sha256"):
         raise NotAMapError(f"{path} is not the map that the run began in; take another copy of the run")
-    return _from_metadata(header.start, data, path)
+    try:
+        return _from_metadata(header.start, data, path)
+    except (KeyError, UsageError) as error:
+        why = printable(str(error), 200)
+        raise NotAMapError(f"{folder.path} does not say how it began in its map ({why}); take another copy") from error
 
 
 def _from_metadata(facts: Mapping[str, str], data: bytes, path: Path) -> RunStart:

@@ -6,9 +6,10 @@ from typing import Any
 from runtime.errors import ConfigurationError, UsageError
 from runtime.map_files.end import facts_of
 from runtime.map_files.fitness import suits
-from runtime.map_files.map_file import SavedMap, encode_map
+from runtime.map_files.map_file import encode_map
 from runtime.map_files.map_store import read_map, refuse_taken, write_new_map
 from runtime.settings.configuration import load_configuration_text
+from slam.recognise.attempt import ODDS
 from slam.relocalise.merge import merge_maps
 
 
@@ -29,9 +30,9 @@ def merge_files(first: Path, second: Path, out: Path) -> dict[str, Any]:
     if merged.joint is None:
         raise UsageError(
             f"no place of {second} is recognised in {first}: at best {len(found.known)} landmarks fit, odds "
-            f"{max(found.odds, -99.0):.0f} where 14 are needed; drive from one place to the other in --map {first}"
+            f"{max(found.odds, -99.0):.0f} where {ODDS:.0f} are needed; drive from one to the other in --map {first}"
         )
-    facts = facts_of(configuration, other.facts.runs, SavedMap(into.joint, into.facts, into.sha256))
+    facts = facts_of(configuration, other.facts.runs, into)
     data = encode_map(merged.joint, facts)
     write_new_map(out, data)
     return {

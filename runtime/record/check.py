@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from runtime.bounded_read import read_bounded
 from runtime.errors import NotARunError
 from runtime.messages.definitions import TYPES
 from runtime.messages.tick import Record
-from runtime.record.folder import RunFolder
+from runtime.record.folder import LARGEST_MAP_BYTES, RunFolder
 from runtime.record.manifest import Manifest
 from runtime.record.mcap_file import RunWriter
 from runtime.record.mcap_prefix import MAGIC
@@ -117,8 +118,7 @@ def recover_run(run: Path, out: RunFolder) -> dict[str, Any]:
     """
     reader = RunReader(run, tolerant=True)
     out.write_configuration(reader.header.configuration_text)
-    if reader.folder.start_map_path.is_file():
-        out.write(out.start_map_path, reader.folder.start_map_path.read_bytes())
+    losses = _take_along_start_map(reader.folder, out)
     writer = RunWriter(out.mcap_path, reader.header.metadata, reader.attachments)
     ticks = 0
     try:
@@ -127,7 +127,19 @@ def recover_run(run: Path, out: RunFolder) -> dict[str, Any]:
             ticks += any(record.topic == "/tick" for record in records)
     finally:
         writer.close()
-    return {"run": str(run), "out": str(out.path), "ticks": ticks, "losses": reader.damages + reader.known_losses}
+    losses += reader.damages + reader.known_losses
+    return {"run": str(run), "out": str(out.path), "ticks": ticks, "losses": losses}
+
+
+def _take_along_start_map(folder: RunFolder, out: RunFolder) -> list[str]:
+    """Copy the map that the run began in, without which no replay begins; what was lost. Raises StorageError."""
+    try:
+        out.write(out.start_map_path, read_bounded(folder.start_map_path, LARGEST_MAP_BYTES, follow=False))
+    except FileNotFoundError:
+        return []  # it began without one
+    except OSError as error:
+        return [f"{folder.start_map_path.name} cannot be read ({error.strerror}): no replay can begin in it"]
+    return []
 
 
 def _by_tick(records: Iterator[Record]) -> Iterator[list[Record]]:

@@ -78,6 +78,10 @@ def test_a_recorded_start_is_found_again_and_an_exchanged_copy_is_refused(hall: 
     again = recorded_start(header, folder)
     assert again is not None
     assert (again.pose, again.localise_only, again.saved.sha256) == (start.pose, False, start.saved.sha256)
+    for changes in ({"file": None}, {"start_at": "here"}):
+        told = {key: value for key, value in {**start.metadata, **changes}.items() if value is not None}
+        with pytest.raises(NotAMapError, match="does not say how it began"):
+            recorded_start(RunHeader("", "live", start=told), folder)
     folder.start_map_path.write_bytes(map_bytes(seed=1))
     with pytest.raises(NotAMapError, match="not the map that the run began in"):
         recorded_start(header, folder)

@@ -164,6 +164,14 @@ def test_topics_that_this_release_does_not_know_are_carried_over(tmp_path: Path)
     ]
 
 
+def test_a_start_map_that_is_a_link_is_left_behind_and_named(tmp_path: Path) -> None:
+    run = run_with(tmp_path / "run", chunk(channel(1, "/future")))
+    (run / "start.map").symlink_to("/etc/passwd")
+    saved = RunFolder.create(tmp_path / "saved", tmp_path)
+    assert "start.map cannot be read (Too many levels" in recover_run(run, saved)["losses"][0]
+    assert not saved.start_map_path.exists()
+
+
 def test_replays_behind_a_link_are_neither_written_nor_read(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     run_of(victim / "other", [records_of(1)])
