@@ -6,8 +6,22 @@ from pathlib import Path
 from slam.kernel_cache import hash_of_files
 
 ROOT = Path(__file__).resolve().parents[1]
-CONFIG = ROOT / "config"
+SHIPPED = Path(__file__).resolve().with_name("shipped")  # links to the folders at the root; an installation has copies
+CONFIG = (SHIPPED / "config").resolve()
+SYSTEMD = (SHIPPED / "systemd").resolve()
 SHARED_DATA = ROOT.parent / "shared" / "data"
+
+
+def shipped_configuration(path: Path) -> Path:
+    """The shipped configuration that a bare name such as `mock` or `examples/steered` means, else the path as it is."""
+    named = CONFIG / f"{path}.toml"
+    bare = not path.suffix and not path.is_absolute() and ".." not in path.parts
+    return named if bare and not path.exists() and named.is_file() else path
+
+
+def shipped_names() -> list[str]:
+    """Bare names of all shipped configurations."""
+    return sorted(str(path.relative_to(CONFIG).with_suffix("")) for path in CONFIG.rglob("*.toml"))
 
 
 def sources_of(*packages: str) -> Iterator[Path]:

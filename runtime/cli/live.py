@@ -14,7 +14,7 @@ from runtime.cli.begin_in import BeginIn, LocaliseOnly, StartAt
 from runtime.cli.output import say, say_json
 from runtime.cli.progress import AsJson, busy
 
-Config = Annotated[Path, typer.Option("--config", help="TOML file; config/mock.toml drives the simulated rover")]
+Config = Annotated[Path, typer.Option("--config", help="TOML file, or a shipped name: mock drives the simulated rover")]
 Out = Annotated[Path | None, typer.Option("--out", help="folder of the run; made here, never overwritten")]
 Seed = Annotated[int | None, typer.Option("--seed", help="seed of the filter and of the simulated world")]
 Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key; repeatable")]

@@ -140,7 +140,7 @@ def quality(
 
 
 def rate(
-    config: Annotated[Path, typer.Option("--config", help="what to run")] = Path("config/mock.toml"),
+    config: Annotated[Path, typer.Option("--config", help="what to run")] = Path("mock"),
     minutes: Annotated[float, typer.Option(min=0.05, max=1440.0, help="length of the run")] = 10.0,
     hogs: Annotated[int, typer.Option(min=0, max=64, help="busy processes beside it")] = 2,
     fsync: Annotated[bool, typer.Option("--fsync/--no-fsync", help="a loop of fsync on the same disk")] = True,
@@ -158,7 +158,7 @@ def rate(
 
 
 def soak(
-    config: Annotated[Path, typer.Option("--config", help="what to run; a simulated rover")] = Path("config/mock.toml"),
+    config: Annotated[Path, typer.Option("--config", help="what to run; a simulated rover")] = Path("mock"),
     minutes: Annotated[
         float, typer.Option(min=0.01, max=1440.0, help="how long it takes where the computer keeps up")
     ] = 30.0,

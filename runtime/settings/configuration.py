@@ -29,7 +29,7 @@ from runtime.settings.record import RecordSettings
 from runtime.settings.retired import refusals, translated
 from runtime.settings.review import ReviewSettings
 from runtime.settings.trees import unusable
-from runtime.source_tree import CONFIG
+from runtime.source_tree import CONFIG, shipped_configuration, shipped_names
 from slam.settings.odometry import POSE_NOISE
 from slam.settings.slam import SlamSettings
 
@@ -104,16 +104,25 @@ def models_in(annotation: Any) -> list[type[BaseModel]]:
 def load_configuration(path: Path, overrides: Mapping[str, str] | None = None) -> Configuration:
     """Read a TOML file and apply overrides such as {"slam.particles": "200"}.
 
+    path: a file, or the bare name of a shipped configuration, such as `mock`.
+
     Raises ConfigurationError (exit code 3) with one sentence per problem.
     """
+    path = shipped_configuration(path)
     try:
         text = read_bounded(path, LARGEST_BYTES).decode()
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8 text") from error
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
-        raise ConfigurationError(f"{path}: cannot be read ({why}); give the path of a TOML file") from error
+        raise ConfigurationError(f"{path}: cannot be read ({why}); {_remedy(path)}") from error
     return _with_files(load_configuration_text(text, overrides, source=str(path), recorded=False), path.parent)
+
+
+def _remedy(path: Path) -> str:
+    """What to give where a file cannot be read; a bare name may have been meant as a shipped one."""
+    names = f", or one of {', '.join(shipped_names())}" if not path.suffix and not path.exists() else ""
+    return f"give the path of a TOML file{names}"
 
 
 def load_configuration_text(

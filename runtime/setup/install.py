@@ -16,19 +16,19 @@ from runtime.atomic_write import atomic_write
 from runtime.errors import PreflightError, StorageError
 from runtime.settings.configuration import load_configuration
 from runtime.setup.validation import validate_for_live_run
-from runtime.source_tree import CONFIG, ROOT
+from runtime.source_tree import CONFIG, SYSTEMD, shipped_configuration
 
 SHIPPED_PROGRAM = Path("/opt/infant/.venv/bin/infant")  # as the units of the repository name it
 CONFIGURATION = "etc/infant/rover.toml"
 PLACES = {
-    "systemd/infant.sysusers": "etc/sysusers.d/infant.conf",
-    "systemd/infant.tmpfiles": "etc/tmpfiles.d/infant.conf",
-    "systemd/80-infant-lidar.rules": "etc/udev/rules.d/80-infant-lidar.rules",
-    "systemd/80-can0.network": "etc/systemd/network/80-can0.network",
-    "systemd/infant-warmup.service": "etc/systemd/system/infant-warmup.service",
-    "systemd/infant.service": "etc/systemd/system/infant.service",
+    "infant.sysusers": "etc/sysusers.d/infant.conf",
+    "infant.tmpfiles": "etc/tmpfiles.d/infant.conf",
+    "80-infant-lidar.rules": "etc/udev/rules.d/80-infant-lidar.rules",
+    "80-can0.network": "etc/systemd/network/80-can0.network",
+    "infant-warmup.service": "etc/systemd/system/infant-warmup.service",
+    "infant.service": "etc/systemd/system/infant.service",
 }
-"""File of the repository: its place on the rover, below the root."""
+"""File of systemd/: its place on the rover, below the root."""
 
 Command = tuple[str, ...]
 Run = Callable[[Command], None]
@@ -71,8 +71,8 @@ def plan_install(root: Path, program: Path, configuration: Path | None = None) -
     configuration: what becomes /etc/infant/rover.toml where there is none; the repository's own by default.
     Raises ConfigurationError when what will be in force there cannot be used, StorageError when a file cannot be read.
     """
-    files = tuple(_planned(ROOT / name, root / place, program) for name, place in PLACES.items())
-    source = configuration or CONFIG / "rover.toml"
+    files = tuple(_planned(SYSTEMD / name, root / place, program) for name, place in PLACES.items())
+    source = shipped_configuration(configuration or CONFIG / "rover.toml")
     validate_for_live_run(load_configuration(source), str(source))
     chosen = _planned(source, root / CONFIGURATION, program)
     notes: tuple[str, ...] = ()
@@ -101,8 +101,9 @@ def plan_install(root: Path, program: Path, configuration: Path | None = None) -
 def plan_removal(root: Path, program: Path) -> Plan:
     """What `infant install --remove` would do: units and rules go; runs, the user and an edited configuration stay."""
     files = []
-    for name, place in (*PLACES.items(), ("config/rover.toml", CONFIGURATION)):
-        planned = _planned(ROOT / name, root / place, program)
+    shipped = ((SYSTEMD / name, place) for name, place in PLACES.items())
+    for source, place in (*shipped, (CONFIG / "rover.toml", CONFIGURATION)):
+        planned = _planned(source, root / place, program)
         kept = place == CONFIGURATION and planned.state is FileState.DIFFERS
         state = FileState.KEPT if kept else FileState.REMOVED
         state = FileState.ABSENT if planned.state is FileState.NEW else state
@@ -207,7 +208,7 @@ def _text(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
-        raise StorageError(f"{path} cannot be read ({why}); install from a whole checkout") from error
+        raise StorageError(f"{path} cannot be read ({why}); install infant again") from error
 
 
 def _write(path: Path, text: str) -> None:
