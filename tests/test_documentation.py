@@ -254,7 +254,7 @@ def test_the_keys_of_the_reference_are_those_that_a_rover_says_with_these_encodi
         assert until(complete), said
     wanted = {f"infant/r1/{key.name}": key.encoding for key in PUBLISHED if key.name != "health"}  # no monitor here
     assert {key: said[key] for key in said if not key.endswith("/health")} == wanted
-    assert {key.name for key in ASKED} == {"pose", "status", "map", "configuration"}
+    assert {key.name for key in ASKED} == {"pose", "status", "map", "path", "tf_static", "configuration"}
 
 
 def test_the_map_has_every_folder_with_the_question_that_its_door_asks() -> None:

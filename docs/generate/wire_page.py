@@ -13,6 +13,10 @@ from runtime.messages.definitions import DEFINITIONS, TYPES
 from runtime.messages.map_json import landmark_json
 from runtime.publish import messages, ros2_keys
 from runtime.publish.commands import command_key
+from runtime.publish.topics import ROS2_TYPES, ros2_topic
+from runtime.ros2.markers import MARKERS
+from runtime.ros2.poses import PATH, POSES
+from runtime.ros2.transforms import TF
 from runtime.tick import CompletedTick, SinkHealth, Tick, Timing
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.pose import Pose2
@@ -30,9 +34,13 @@ class Key:
 
 PUBLISHED = (
     Key("pose", f"application/cdr;{TYPES['/pose']}", "every tick", "the pose in the frame `map`, with its covariance"),
-    Key("odom", f"application/cdr;{TYPES['/odom']}", "every tick", "dead reckoning in the frame `odom`"),
+    Key("odom", f"application/cdr;{TYPES['/odom']}", "every tick", "dead reckoning: pose in `odom`, twist in the body"),
+    Key("tf", f"application/cdr;{TF}", "every tick, if subscribed to", "`map` to `odom` to `base_link`"),
     Key("scan", f"application/cdr;{TYPES['/scan']}", "`publish.scan_hz`", "every third beam"),
-    Key("landmarks", f"application/cdr;{messages.MARKERS}", "once a second", "spheres, greener the surer"),
+    Key("scan_full", f"application/cdr;{TYPES['/scan']}", "every scan, if subscribed to", "all beams"),
+    Key("particles", f"application/cdr;{POSES}", "once a second, if subscribed to", "poses of the particles"),
+    Key("path", f"application/cdr;{PATH}", "once a second, if subscribed to", "the path so far, thinned"),
+    Key("landmarks", f"application/cdr;{MARKERS}", "once a second", "spheres, greener the surer"),
     Key("status", "application/json", "once a second", "state, reasons, pose, sensors and sinks for dashboards"),
     Key("health", f"application/cdr;{messages.DIAGNOSTICS}", "once a second", "every counter of every sensor"),
     Key("event", "application/json", "when it happens", "one event of the log"),
@@ -41,9 +49,10 @@ ASKED = (
     Key("pose", f"application/cdr;{TYPES['/pose']}", "", "the last pose"),
     Key("status", "application/json", "", "the last status"),
     Key("map", "application/json", "", "all landmarks with covariances and the probability that they exist"),
+    Key("path", f"application/cdr;{PATH}", "", "the path so far, thinned"),
+    Key("tf_static", f"application/cdr;{TF}", "", "where the laser sits: `base_link` to `laser`"),
     Key("configuration", "application/toml", "", "the configuration in force"),
 )
-ROS2 = (TYPES["/pose"], TYPES["/odom"], messages.TF)
 
 HEAD = """# What goes over the wire, and into the record
 
@@ -105,8 +114,10 @@ def _meaning(command: Command) -> str:
 
 
 def _ros2() -> str:
-    names = dict(zip(ROS2, ("/<rover>/pose", "/<rover>/odom", "/tf"), strict=True))
-    rows = "".join(f"| `{names[name]}` | `{name}` | `{ros2_keys.data_key(0, names[name], name)}` |\n" for name in ROS2)
+    topics = {ros2_topic("<rover>", name): type_name for name, type_name in ROS2_TYPES.items()}
+    rows = "".join(
+        f"| `{topic}` | `{name}` | `{ros2_keys.data_key(0, topic, name)}` |\n" for topic, name in topics.items()
+    )
     return f"""
 ## Keys of ROS 2 (rmw_zenoh)
 

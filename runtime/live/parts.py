@@ -17,6 +17,7 @@ from runtime.publish.publisher import ZenohPublisher
 from runtime.record.folder import RunFolder
 from runtime.record.header import RunHeader, installed_versions
 from runtime.record.writing.recorder import Recorder
+from runtime.ros2.vehicle import Vehicle
 from runtime.service.thread_watch import ThreadWatch
 from runtime.settings.configuration import Configuration
 from runtime.simulation.rover_process import SimulatedRover
@@ -122,7 +123,12 @@ def _made_parts(
     header = RunHeader.of_live_run(configuration.text, installed_versions(), began)
     recorder = Recorder(folder, header, configuration.record, [] if drawing is None else [drawing], threads)
     made.callback(recorder.close)
-    publisher = ZenohPublisher(configuration.publish, configuration.rover, configuration_text=configuration.text)
+    publisher = ZenohPublisher(
+        configuration.publish,
+        configuration.rover,
+        configuration_text=configuration.text,
+        vehicle=Vehicle.of(configuration),
+    )
     made.callback(publisher.close)
     sinks: dict[str, Sink] = {"record": recorder, "publish": publisher}
     if drawing is not None:

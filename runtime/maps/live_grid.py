@@ -80,8 +80,11 @@ class LiveGrid:
         pose, twist = placed
         ranges = message.ranges.copy()
         bearings = uniform_bearings(message.angle_min, message.angle_increment, len(ranges))
-        middle = len(ranges) // 2
-        scan = Scan(stamp_ns, ranges, bearings, message.time_increment, middle, message.range_max)
+        first, period_s = 0, message.time_increment
+        if message.angle_increment < 0.0:  # measured clockwise; our arrays are counter-clockwise
+            ranges, bearings = ranges[::-1].copy(), bearings[::-1].copy()
+            first, period_s = len(ranges) - 1, -period_s
+        scan = Scan(stamp_ns, ranges, bearings, period_s, first, message.range_max)
         mount, front_end = self._settings.mount, self._settings.front_end
         beams = deskew(mount.upright(scan), twist, mount.as_pose(), front_end.range_min_m, front_end.range_max_m)
         map_from_laser = pose @ mount.as_pose()

@@ -15,8 +15,9 @@ from slam.pose import Pose2
 
 LEVELS = {Severity.INFO: 0, Severity.WARN: 1, Severity.ERROR: 2}  # DiagnosticStatus OK, WARN, ERROR
 EXTENDED, REMOTE, ERROR, FD = 1, 2, 4, 8  # flags of RawTap.can_frame
+PLANAR = np.array((0, 1, 5))  # rows of x, y and yaw
 LAST_NS = (2**31 - 1) * 1_000_000_000 + 999_999_999  # seconds are an int32
-UNKNOWN_COVARIANCE = -1.0  # as sensor_msgs/Imu has it: minus one says that nothing is claimed
+UNKNOWN_VARIANCE = 1e6  # m^2, rad^2: nothing is claimed. A minus one means that in sensor_msgs/Imu only
 
 
 def header(stamp_ns: int, frame: str) -> Any:
@@ -63,9 +64,8 @@ def encode_pose(estimate: Estimate) -> Record:
 
 
 def encode_odometry(estimate: Estimate) -> Record:
-    """Dead reckoning since the start in the frame odom; its covariance and twist are not known here."""
-    unknown = np.zeros(36)
-    unknown[0] = UNKNOWN_COVARIANCE
+    """Dead reckoning since the start in the frame odom; a record claims no more of it (ros2/odometry.py does)."""
+    unknown = np.eye(6).ravel() * UNKNOWN_VARIANCE
     nothing = construct("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
     twist = construct("geometry_msgs/msg/Twist", linear=nothing, angular=nothing)
     pose = construct(TYPES_POSE, pose=ros_pose(estimate.odom_from_body), covariance=unknown)
@@ -92,10 +92,14 @@ def ros_pose(pose: Pose2) -> Any:
 
 def pose_with_covariance(pose: Pose2, covariance: NDArray[np.float64]) -> Any:
     """The planar covariance (3, 3) in the rows x, y and yaw of ROS's (6, 6)."""
+    return construct(TYPES_POSE, pose=ros_pose(pose), covariance=planar_covariance(covariance))
+
+
+def planar_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(36,) of (3, 3) over x, y and yaw; z, roll and pitch of a rover on a plane are zero and have no variance."""
     full = np.zeros((6, 6))
-    rows = np.array((0, 1, 5))
-    full[np.ix_(rows, rows)] = covariance
-    return construct(TYPES_POSE, pose=ros_pose(pose), covariance=full.ravel())
+    full[np.ix_(PLANAR, PLANAR)] = covariance
+    return full.ravel()
 
 
 def encode_events(stamp_ns: int, events: Sequence[Event]) -> Record:

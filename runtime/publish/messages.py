@@ -1,7 +1,6 @@
 """What goes out over zenoh as bytes: the record's ROS messages in wall time, and JSON where a dashboard reads."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,84 +8,25 @@ import numpy as np
 from drivers.measurements import Event, Scan, SensorHealth, SensorState
 from runtime.health import Health, RunState
 from runtime.messages.definitions import construct, serialize
-from runtime.messages.map_json import existence, json_bytes
-from runtime.messages.ros import encode_odometry, encode_pose, encode_scan, header, ros_pose
+from runtime.messages.map_json import json_bytes
+from runtime.messages.ros import header
 from runtime.printable import printable
+from runtime.ros2.laser_scan import scan_bytes
+from runtime.ros2.markers import landmark_bytes
+from runtime.ros2.odometry import OdometryTrack, odometry_bytes
+from runtime.ros2.poses import DrivenPath, particle_bytes, pose_bytes
+from runtime.ros2.transforms import static_bytes, transform_bytes
+from runtime.ros2.vehicle import Vehicle
 from runtime.sensor_report import sensor_object
 from runtime.tick import CompletedTick, SinkHealth
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.pose import Pose2
 
-SPHERE_LIST = 7  # visualization_msgs/Marker
-TF = "tf2_msgs/msg/TFMessage"
-MARKERS = "visualization_msgs/msg/MarkerArray"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-NO_BYTES = np.empty(0, np.uint8)
 NO_TICK = dict.fromkeys(("seq", "quality", "lateness_ms", "step_ms", "pose", "sigma", "landmarks"))
 RUN_LEVELS = {RunState.STARTING: 1, RunState.READY: 0, RunState.RUNNING: 0, RunState.STOPPING: 1}
 RUN_LEVELS |= {RunState.DEGRADED: 1, RunState.LOST: 2}  # DiagnosticStatus OK, WARN, ERROR
 LEVELS = {SensorState.FRESH: 0, SensorState.STARTING: 1, SensorState.STALE: 2, SensorState.FAILED: 2}
-
-
-def pose_bytes(estimate: Estimate, wall_ns: int) -> bytes:
-    """geometry_msgs/PoseWithCovarianceStamped in the frame map."""
-    return encode_pose(replace(estimate, stamp_ns=wall_ns)).data
-
-
-def odometry_bytes(estimate: Estimate, wall_ns: int) -> bytes:
-    """nav_msgs/Odometry in the frame odom."""
-    return encode_odometry(replace(estimate, stamp_ns=wall_ns)).data
-
-
-def scan_bytes(scan: Scan, wall_ns: int, beam_step: int) -> bytes:
-    """sensor_msgs/LaserScan of every beam_step-th beam, in the frame laser."""
-    thinned = Scan(
-        wall_ns,
-        scan.ranges_m[::beam_step].copy(),
-        scan.bearings_rad[::beam_step].copy(),
-        scan.beam_period_s * beam_step,
-        scan.stamp_beam // beam_step,
-        scan.range_max_m,
-    )
-    return encode_scan(thinned).data
-
-
-def transform_bytes(estimate: Estimate, wall_ns: int) -> bytes:
-    """tf2_msgs/TFMessage: map to odom carries the correction, odom to base_link the dead reckoning (REP 105)."""
-    map_from_odom = estimate.map_from_body @ estimate.odom_from_body.inverse()
-    transforms = [
-        _transform(wall_ns, "map", "odom", map_from_odom),
-        _transform(wall_ns, "odom", "base_link", estimate.odom_from_body),
-    ]
-    return serialize(TF, construct(TF, transforms=transforms))
-
-
-def landmark_bytes(landmarks: LandmarkMap, wall_ns: int) -> bytes:
-    """visualization_msgs/MarkerArray: one list of spheres, red where existence is doubted, green where it is sure."""
-    sure = existence(landmarks.existence_log_odds)
-    marker = construct(
-        "visualization_msgs/msg/Marker",
-        header=header(wall_ns, "map"),
-        ns="landmarks",
-        id=0,
-        type=SPHERE_LIST,
-        action=0,
-        pose=ros_pose(Pose2()),
-        scale=_vector(0.3, 0.3, 0.3),
-        color=_color(0.0, 1.0, 0.0),
-        lifetime=construct("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
-        frame_locked=False,
-        points=[construct("geometry_msgs/msg/Point", x=x, y=y, z=0.0) for x, y in landmarks.means_m.tolist()],
-        colors=[_color(1.0 - p, p, 0.1) for p in sure.tolist()],
-        texture_resource="",
-        texture=construct("sensor_msgs/msg/CompressedImage", header=header(0, ""), format="", data=NO_BYTES),
-        uv_coordinates=[],
-        text="",
-        mesh_resource="",
-        mesh_file=construct("visualization_msgs/msg/MeshFile", filename="", data=NO_BYTES),
-        mesh_use_embedded_materials=False,
-    )
-    return serialize(MARKERS, construct(MARKERS, markers=[marker]))
 
 
 def event_json(event: Event, wall_ns: int) -> bytes:
@@ -150,15 +90,19 @@ def health_bytes(health: Health, wall_ns: int) -> bytes:
 
 def warm_up() -> None:
     """Encode one of everything, so that no encoder is generated (50 ms) while the loop runs."""
-    nowhere, zero = Pose2(), np.zeros((3, 3))
+    nowhere, zero, vehicle, path = Pose2(), np.zeros((3, 3)), Vehicle(), DrivenPath()
     estimate = Estimate(0, nowhere, zero, nowhere, zero, nowhere, Quality.UNCERTAIN)
     landmarks = LandmarkMap(np.zeros(1, np.int64), np.zeros((1, 2)), np.zeros((1, 2, 2)), np.zeros(1))
     sensor = SensorHealth(SensorState.STARTING, "", 0.0, {"count": 0})
-    pose_bytes(estimate, 0)
-    odometry_bytes(estimate, 0)
-    transform_bytes(estimate, 0)
+    path.add(0, nowhere)
+    pose_bytes(0, estimate)
+    odometry_bytes(0, OdometryTrack(vehicle.odometry).take(estimate))
+    transform_bytes(0, nowhere, nowhere)
+    static_bytes(0, vehicle)
+    particle_bytes(0, np.zeros((1, 3)))
+    path.as_bytes(0)
     landmark_bytes(landmarks, 0)
-    scan_bytes(Scan(0, np.zeros(2, np.float32), np.zeros(2)), 0, 1)
+    scan_bytes(Scan(0, np.zeros(2, np.float32), np.zeros(2)), 0, vehicle)
     health_bytes(Health(0, RunState.STARTING, (), {"laser": sensor}, {}, Quality.UNCERTAIN), 0)
 
 
@@ -185,25 +129,3 @@ def _sinks(sinks: Mapping[str, SinkHealth]) -> dict[str, Any]:
         name: {"depth": sink.depth, "dropped": sink.dropped, "trouble": printable(sink.trouble)}
         for name, sink in sinks.items()
     }
-
-
-def _transform(wall_ns: int, parent: str, child: str, parent_from_child: Pose2) -> Any:
-    pose = ros_pose(parent_from_child)
-    return construct(
-        "geometry_msgs/msg/TransformStamped",
-        header=header(wall_ns, parent),
-        child_frame_id=child,
-        transform=construct(
-            "geometry_msgs/msg/Transform",
-            translation=_vector(pose.position.x, pose.position.y, 0.0),
-            rotation=pose.orientation,
-        ),
-    )
-
-
-def _vector(x: float, y: float, z: float) -> Any:
-    return construct("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
-
-
-def _color(red: float, green: float, blue: float) -> Any:
-    return construct("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0)

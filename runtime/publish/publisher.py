@@ -14,6 +14,7 @@ from runtime.publish.commands import declare_commands
 from runtime.publish.messages import warm_up
 from runtime.publish.session import open_rover_session, rover_config, short_reason
 from runtime.publish.topics import RoverTopics
+from runtime.ros2.vehicle import Vehicle
 from runtime.service.thread_watch import Failures
 from runtime.settings.publish import PublishSettings
 from runtime.tick import CompletedTick, SinkHealth
@@ -28,8 +29,8 @@ class ZenohPublisher:
     """Publishes every tick over zenoh; the loop only puts a reference into a queue.
 
     wall_offset_ns: wall time minus monotonic time; taken now when None. Messages carry stamp + offset.
-    configuration_text: what the query infant/<rover>/configuration answers. listening: where tools reach the session;
-    None until it is open.
+    configuration_text: what the query infant/<rover>/configuration answers. vehicle: for scan, odometry and TF.
+    listening: where tools reach the session; None until it is open.
     Raises ConfigurationError when the settings name a file that cannot be used.
     """
 
@@ -39,11 +40,13 @@ class ZenohPublisher:
         rover: str,
         wall_offset_ns: int | None = None,
         configuration_text: str = "",
+        vehicle: Vehicle | None = None,
     ) -> None:
         self._settings = settings
         self._rover = rover
         self._wall_offset_ns = time.time_ns() - time.monotonic_ns() if wall_offset_ns is None else wall_offset_ns
         self._configuration_text = configuration_text
+        self._vehicle = vehicle or Vehicle()
         # a SimpleQueue is C: no lock that a preempted thread could hold while the loop waits for it
         self._queue: queue.SimpleQueue[CompletedTick | Health | None] = queue.SimpleQueue()
         self._dropped = 0
@@ -124,7 +127,13 @@ class ZenohPublisher:
     def _serve(self, session: zenoh.Session, listening: tuple[str, ...]) -> None:
         """Send ticks until close() was called and the queue is empty."""
         topics = RoverTopics(
-            session, self._settings, self._rover, self._wall_offset_ns, self._configuration_text, listening
+            session,
+            self._settings,
+            self._rover,
+            self._wall_offset_ns,
+            self._configuration_text,
+            listening,
+            self._vehicle,
         )
         if self._settings.commands:
             declare_commands(session, self._rover, self._commands)

@@ -10,7 +10,9 @@ from runtime.maps.grid_message import GRID, grid_bytes
 from runtime.maps.live_grid import LiveGrid
 from runtime.messages.definitions import deserialize
 from runtime.messages.tick import decode
-from runtime.publish.messages import pose_bytes, scan_bytes
+from runtime.ros2.laser_scan import scan_bytes
+from runtime.ros2.poses import pose_bytes
+from runtime.ros2.vehicle import Vehicle
 from runtime.tick import CompletedTick
 from slam.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, GridMap
 from slam.pose import Pose2
@@ -24,10 +26,10 @@ def heard(completed: CompletedTick, live: LiveGrid, covariance_m2: float = 0.01)
     """The messages of a tick as the rover sends them; whether its scan was placed."""
     estimate, scan = completed.estimate, completed.tick.scan
     told = replace(estimate, covariance=covariance_m2 * np.eye(3))
-    live.add_pose(decode("/pose", pose_bytes(told, estimate.stamp_ns + WALL_NS)))
+    live.add_pose(decode("/pose", pose_bytes(estimate.stamp_ns + WALL_NS, told)))
     if not isinstance(scan, Scan):
         return None
-    return live.add_scan(decode("/scan", scan_bytes(scan, scan.stamp_ns + WALL_NS, 3)))
+    return live.add_scan(decode("/scan", scan_bytes(scan, WALL_NS, Vehicle(), 3)))
 
 
 def test_the_walls_of_the_yard_are_in_the_grid() -> None:

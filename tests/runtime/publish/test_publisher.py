@@ -12,9 +12,9 @@ import zenoh
 
 from runtime.errors import ConfigurationError
 from runtime.health import Health, RunState
+from runtime.publish.pace import Pace
 from runtime.publish.publisher import ZenohPublisher
 from runtime.publish.session import next_port, rover_config, tool_config
-from runtime.publish.topics import Pace
 from runtime.settings.publish import PublishSettings
 from runtime.source_tree import ROOT
 from runtime.tick import CompletedTick, SinkHealth
@@ -22,8 +22,6 @@ from slam.estimate import Quality
 from tests.support.runtime.inverses import read_attachment
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
 from tests.support.runtime.ros_types import (
-    FirstMarker,
-    LaserScan,
     Odometry,
     PoseWithCovarianceStamped,
     TransformMessage,
@@ -79,24 +77,8 @@ def test_a_reader_nobody_here_wrote_reads_every_message() -> None:
     assert pose.pose.covariance[35] == estimate.covariance[2, 2]
     odometry = read(Odometry, listener.payloads("infant/r1/odom")[0])
     assert odometry.pose.pose.position.x == estimate.odom_from_body.x_m
+    assert odometry.pose.covariance[0] >= 0.0
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
-
-
-def test_scan_and_landmarks_are_thinned_and_keep_their_geometry() -> None:
-    from runtime.publish.messages import landmark_bytes, scan_bytes
-
-    rng = np.random.default_rng(3)
-    scan, landmarks = make_tick(7, rng).scan, make_estimate(0, rng).landmarks
-    assert scan is not None
-    assert landmarks is not None
-    thin = read(LaserScan, scan_bytes(scan, 5, 3))  # type: ignore[arg-type]
-    assert len(thin.ranges) == 361
-    bearings_rad = thin.angle_min + thin.angle_increment * np.arange(361)
-    np.testing.assert_allclose(bearings_rad, scan.bearings_rad[::3], atol=1e-5)
-    np.testing.assert_array_equal(np.array(thin.ranges, np.float32), scan.ranges_m[::3])
-    array = read(FirstMarker, landmark_bytes(landmarks, 5))
-    assert array.count == 1
-    assert [(point.x, point.y) for point in array.marker.points] == [tuple(mean) for mean in landmarks.means_m]
 
 
 def test_ros2_sees_pose_odometry_and_tf_under_the_right_type_hash() -> None:
@@ -149,18 +131,6 @@ def test_a_ros2_node_that_knows_only_its_router_hears_the_rover() -> None:
         stop_router(router)
 
 
-def test_map_to_odom_times_odom_to_body_is_the_pose() -> None:
-    from runtime.publish.messages import transform_bytes
-    from slam.pose import Pose2
-
-    estimate = make_estimate(0, np.random.default_rng(8))
-    poses = []
-    for each in read(TransformMessage, transform_bytes(estimate, 0)).transforms:
-        heading_rad = 2.0 * np.arctan2(each.rotation.z, each.rotation.w)
-        poses.append(Pose2(each.translation.x, each.translation.y, heading_rad))
-    np.testing.assert_allclose((poses[0] @ poses[1]).as_array(), estimate.map_from_body.as_array(), atol=1e-12)
-
-
 def test_queries_answer_with_the_last_pose_map_status_and_configuration() -> None:
     port = free_port()
     with publishing(settings_on(port), configuration_text='rover = "r1"\n') as publisher:
@@ -174,7 +144,7 @@ def test_queries_answer_with_the_last_pose_map_status_and_configuration() -> Non
                 for reply in session.get("infant/r1/*", timeout=1.0):
                     if reply.ok is not None:
                         answers[str(reply.ok.key_expr)] = reply.ok.payload.to_bytes()
-                return len(answers) == 4
+                return len(answers) == 6
 
             assert until(complete), sorted(answers)
             alive = [str(reply.ok.key_expr) for reply in session.liveliness().get("infant/*/alive") if reply.ok]

@@ -1,0 +1,1 @@
+"""How do pose, scan and map look to stock ROS 2 tools? Begin at vehicle.py."""
