@@ -1,4 +1,4 @@
-"""Commands on a recorded run: replay, import, evaluate, review, compare, view."""
+"""Commands on a recorded run: replay, import, evaluate, review, compare, view, export."""
 
 import sys
 from enum import StrEnum
@@ -205,4 +205,26 @@ def calibrate(
         say(f"written   {write} ({', '.join(changed) or 'nothing changed'})")
 
 
-COMMANDS = (replay, import_, evaluate, calibrate, review, compare, view)
+def export(
+    run: Run,
+    ros2: Annotated[
+        Path | None, typer.Option("--ros2", metavar="DIR", help="a rosbag2 folder for ROS 2, Foxglove and Lichtblick")
+    ] = None,
+    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="one line for each tick")] = None,
+    tum: Annotated[Path | None, typer.Option("--tum", metavar="FILE", help="the path for evo")] = None,
+    geojson: Annotated[
+        Path | None, typer.Option("--geojson", metavar="FILE", help="path and landmarks, in metres of the map frame")
+    ] = None,
+    resolution: Annotated[float, typer.Option(min=0.02, max=10.0, help="size of a cell of the grid on /map, m")] = 0.1,
+    grid: Annotated[bool, typer.Option("--grid/--no-grid", help="whether the bag gets an occupancy grid")] = True,
+    as_json: AsJson = False,
+) -> None:
+    """Write a recorded run in the forms of others, in wall time; nothing is overwritten."""
+    from runtime.export.export import Outputs, export_lines, export_run
+
+    outputs = Outputs(ros2, csv, tum, geojson)
+    result = export_run(run, outputs, progress_bar("export"), resolution if grid else None)
+    answer(result, export_lines(result), as_json)
+
+
+COMMANDS = (replay, import_, evaluate, calibrate, review, compare, view, export)

@@ -12,6 +12,7 @@ from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.front_end.deskew import Twist, deskew
 from slam.observations import BeamVerdict
 from slam.pose import Pose2, wrap_rad
+from slam.settings.slam import SlamSettings
 
 STILL_M, STILL_RAD, STILL_NS = 0.05, 0.03, 1_000_000_000
 """Scans of a rover that moved less than this within this time show the same: one of them counts."""
@@ -60,17 +61,19 @@ class PlacedScans:
                     self.lost += 1
                 elif used is None or _shows_more(used, scan.stamp_ns, pose):
                     used = scan.stamp_ns, pose
-                    yield self._placed(scan, pose, twist_between(before, estimate), estimate.beam_verdicts)
+                    yield place(scan, pose, twist_between(before, estimate), estimate.beam_verdicts, self._settings)
             before = estimate
 
-    def _placed(self, scan: Scan, pose: Pose2, twist: Twist, verdicts: VerdictArray) -> PlacedScan:
-        mount, view = self._settings.mount, self._settings.front_end
-        beams = deskew(mount.upright(scan), twist, mount.as_pose(), view.range_min_m, view.range_max_m)
-        returned = np.isfinite(beams.ranges_m)
-        map_from_laser = pose @ mount.as_pose()
-        points_m = map_from_laser.transform(beams.points_m[returned])
-        solid = verdicts[returned] != BeamVerdict.MOVED
-        return PlacedScan(pose, map_from_laser.as_array()[:2], points_m, solid)
+
+def place(scan: Scan, pose: Pose2, twist: Twist, verdicts: VerdictArray, settings: SlamSettings) -> PlacedScan:
+    """A scan where the rover was at its stamp, the motion within the sweep undone."""
+    mount, view = settings.mount, settings.front_end
+    beams = deskew(mount.upright(scan), twist, mount.as_pose(), view.range_min_m, view.range_max_m)
+    returned = np.isfinite(beams.ranges_m)
+    map_from_laser = pose @ mount.as_pose()
+    points_m = map_from_laser.transform(beams.points_m[returned])
+    solid = verdicts[returned] != BeamVerdict.MOVED
+    return PlacedScan(pose, map_from_laser.as_array()[:2], points_m, solid)
 
 
 def at_scan(stamp_ns: int, before: Estimate | None, estimate: Estimate) -> Pose2:

@@ -1,0 +1,1 @@
+"""How does a recorded run reach ROS 2, Foxglove, evo or a spreadsheet? Begin at export.py."""
