@@ -6,12 +6,30 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from runtime.api.arrays import ticks_from_arrays
+    from runtime.api.run import Run, open_run
+    from runtime.api.trajectory import Trajectory
     from runtime.record.reader import RunReader
     from runtime.settings.configuration import Configuration, load_configuration
+    from runtime.tick import Tick
 
-__all__ = ["Configuration", "RunReader", "load_configuration"]
+__all__ = [
+    "Configuration",
+    "Run",
+    "RunReader",
+    "Tick",
+    "Trajectory",
+    "load_configuration",
+    "open_run",
+    "ticks_from_arrays",
+]
 
 HOMES = {
+    "Run": "runtime.api.run",
+    "Tick": "runtime.tick",
+    "Trajectory": "runtime.api.trajectory",
+    "open_run": "runtime.api.run",
+    "ticks_from_arrays": "runtime.api.arrays",
     "Configuration": "runtime.settings.configuration",
     "load_configuration": "runtime.settings.configuration",
     "RunReader": "runtime.record.reader",

@@ -55,6 +55,11 @@ class Rover:
         self._encoders = encoders.model_copy(update={"bus": self._node.bus})
 
     @property
+    def world(self) -> World:
+        """What it drives in; only to be read."""
+        return self._world
+
+    @property
     def laser_url(self) -> str:
         """Where the laser listens."""
         return self._device.url

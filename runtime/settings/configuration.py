@@ -101,14 +101,14 @@ def models_in(annotation: Any) -> list[type[BaseModel]]:
     return [model for inner in typing.get_args(annotation) for model in models_in(inner)]
 
 
-def load_configuration(path: Path, overrides: Mapping[str, str] | None = None) -> Configuration:
+def load_configuration(path: Path | str, overrides: Mapping[str, str] | None = None) -> Configuration:
     """Read a TOML file and apply overrides such as {"slam.particles": "200"}.
 
     path: a file, or the bare name of a shipped configuration, such as `mock`.
 
     Raises ConfigurationError (exit code 3) with one sentence per problem.
     """
-    path = shipped_configuration(path)
+    path = shipped_configuration(Path(path))
     try:
         text = read_bounded(path, LARGEST_BYTES).decode()
     except UnicodeDecodeError as error:

@@ -1,0 +1,1 @@
+"""How does another program use runs, scans and wheels from Python? Begin at run.py."""
