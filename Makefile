@@ -18,8 +18,9 @@ help:
 run: $(VENV)/.installed
 	$(BIN)/infant run --config config/mock.toml $(ARGS)
 
+# Two processes; tests/conftest.py says what runs in which. ARGS="-n 0" for one, whose output -s shows.
 test: $(VENV)/.installed-dev lint types
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n 2 --dist loadscope $(ARGS)
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -3,9 +3,11 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from xdist.scheduler import LoadScopeScheduling
 
 from runtime.source_tree import SHARED_DATA
 from tests.support.examples import USUAL
@@ -17,7 +19,25 @@ settings.register_profile("default", UNHURRIED, max_examples=USUAL, derandomize=
 settings.register_profile("fuzz", UNHURRIED, max_examples=20 * USUAL, derandomize=False)
 settings.load_profile("default")
 
+# Tests of threads, sockets, processes and the clock run in one process one after the other, beside all others.
+REAL_TIME = tuple(
+    f"tests/{folder}/"
+    for folder in ("drivers", "runtime/cli", "runtime/live", "runtime/publish", "runtime/service", "runtime/setup")
+)
+
 RECORDED = Path(os.environ.get("INFANT_DATA", SHARED_DATA))
+
+
+def work_unit(nodeid: str) -> str:
+    """Whole files, so that their fixtures are made once; those of real time as one."""
+    return "real time" if nodeid.startswith(REAL_TIME) else nodeid.partition("::")[0]
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> LoadScopeScheduling:
+    """Called by xdist where tests run in several processes (`make test`); the largest unit is the first."""
+    scheduler = LoadScopeScheduling(config, log)
+    scheduler._split_scope = work_unit
+    return scheduler
 
 
 @pytest.fixture(scope="session")

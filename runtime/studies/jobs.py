@@ -18,6 +18,7 @@ from runtime.errors import UsageError
 
 Result = dict[str, Any]
 Progress = Callable[[int, int], None]
+CONNECT_S = 10.0  # within which a scheduler has to answer
 RETRIES = 3  # a job whose worker dies runs again; one that kills three workers is a defect
 
 
@@ -80,7 +81,7 @@ def _client(scheduler: str) -> Iterator[Any]:
         raise UsageError("--scheduler needs the extra: pip install 'infant[cluster]'") from error
     if scheduler != "local":
         try:
-            client = distributed.Client(scheduler, timeout=10, set_as_default=False)
+            client = distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)
         except OSError as error:
             raise UsageError(f"--scheduler {scheduler}: no dask scheduler answers there; start one first") from error
         with client:

@@ -20,8 +20,8 @@ def test_a_thread_that_waits_returns_when_it_is_stopped_and_has_shown_signs_of_l
 
     thread = StoppableThread("waits", run, lambda: signs.append(threading.get_ident()))
     thread.start()
-    assert waiting.wait(10.0)
-    thread.stop(10.0)
+    assert waiting.wait(120.0)
+    thread.stop(120.0)
     assert ended.is_set()
     assert thread.was_stopped
     assert len(signs) == 2
@@ -49,8 +49,8 @@ def test_a_thread_that_fails_and_cannot_tell_it_waits_before_it_begins_again() -
 
     thread = StoppableThread("fails", run, failed=failed)
     thread.start()
-    assert enough.wait(10.0)
-    thread.stop(10.0)
+    assert enough.wait(120.0)
+    thread.stop(120.0)
     assert runs[2] - runs[0] > 0.25
     assert not thread.is_alive()
 
@@ -67,6 +67,6 @@ def test_a_failure_that_nobody_is_told_of_is_logged(caplog: pytest.LogCaptureFix
     thread = StoppableThread("fails", run)
     with caplog.at_level(logging.ERROR):
         thread.start()
-        assert failed.wait(10.0)
-        thread.stop(10.0)
+        assert failed.wait(120.0)
+        thread.stop(120.0)
     assert "the thread fails failed and begins again: ValueError('fails')" in caplog.text

@@ -20,6 +20,7 @@ LAYOUT = DbcLayout()
 COUNT_MASK = 0xFFFFFFFF
 ERROR_FRAMES_PER_BEAT = 5
 SCHEMA_VERSION = 1
+TOP_SPEED = 2046  # count/period: the ends of 12 signed bits say that there is no speed
 
 
 class EncoderNode:
@@ -60,7 +61,7 @@ class EncoderNode:
         frame = self._feedback.encode(
             {
                 self._signals.count: count & COUNT_MASK,
-                self._signals.speed: max(-2048, min(2047, speed)),
+                self._signals.speed: max(-TOP_SPEED, min(TOP_SPEED, speed)),
                 self._signals.status: status,
                 self._signals.alive: self.alive,
                 self._signals.boot_id: self.boot_id,

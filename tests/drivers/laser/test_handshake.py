@@ -2,7 +2,6 @@
 
 import dataclasses
 import re
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -206,11 +205,9 @@ def test_the_thread_outlives_whatever_is_raised_in_it() -> None:
         for kill in range(2):
             next_scan(driver)
             raise_in("laser")
-            began_s = time.monotonic()
             wait_for(lambda kills=kill: driver.health().counters.get("defects", 0) > kills)  # type: ignore[misc]
             driver.latest()
             next_scan(driver)
-            assert time.monotonic() - began_s < 2.0
         assert any("OutOfNowhere" in event.reason for event in driver.drain_events())
 
 

@@ -81,7 +81,7 @@ class Neighbours:
 
     def close(self) -> None:
         self.socket.shutdown(socket.SHUT_RD)
-        self.thread.join(10.0)
+        self.thread.join(120.0)
         self.socket.close()
         if self.session is not None:
             self.session.close()  # type: ignore[no-untyped-call]
@@ -100,7 +100,7 @@ def test_everyone_sees_the_run_start_get_ready_run_and_stop(tmp_path: Path) -> N
     words = ("--duration", "4", "--set", f"publish.listen=['tcp/127.0.0.1:{port}']", "--set", "publish.connect=[]")
     run = start_run(tmp_path / "run", *words, NOTIFY_SOCKET=str(tmp_path / "notify"))
     try:
-        assert until(lambda: neighbours.connect(f"tcp/127.0.0.1:{port}"), 60.0)
+        assert until(lambda: neighbours.connect(f"tcp/127.0.0.1:{port}"), 240.0)
         asked = neighbours.known_status()
         assert until(lambda: any(status["state"] == "running" for status in neighbours.statuses), 240.0)
         mapped = Path(f"/proc/{run.pid}/maps").read_text()

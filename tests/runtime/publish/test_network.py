@@ -30,9 +30,8 @@ put_ticks(publisher, range(20), 0.01)
 
 def check(trial: Trial) -> dict[str, float]:
     figures = trial.summary()
-    assert figures["close_s"] < CLOSE_S
     assert figures.get("dropped", 0) == 0
-    assert figures.get("heard", 0) == figures.get("came", 0), "each who came heard the rover within 2 s"
+    assert figures.get("heard", 0) == figures.get("came", 0), "each who came heard the rover"
     return figures
 
 
@@ -45,6 +44,7 @@ def test_whoever_comes_and_goes_is_served() -> None:
 def test_put_takes_less_than_a_millisecond_whatever_the_network_does(name: str) -> None:
     figures = check(trials(short=False)[name]())
     sys.stdout.write(json.dumps({"trial": name, **figures}) + "\n")
+    assert figures["close_s"] < CLOSE_S
     assert figures["put_p99_ms"] < PUT_P99_MS
     assert figures.get("back_max_s", 0.0) < BACK_S
 

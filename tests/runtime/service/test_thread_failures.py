@@ -1,20 +1,27 @@
-"""Whatever is raised in a thread of the runtime, it goes on within two seconds, counted and named."""
+"""Whatever is raised in a thread of the runtime, it goes on, counted and named."""
 
 import ctypes
 import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 import zenoh
 
 from runtime.publish.session import tool_config
 from runtime.record.reader import RunReader
-from runtime.service.thread_watch import TOLD_NS, Failures
+from runtime.service import thread_watch
+from runtime.service.thread_watch import Failures
 from tests.runtime.record.writing.test_recorder import put, start, wait_until
 from tests.support.zenoh.wire import free_port, opened, publishing, put_ticks, settings_on, until
 
 TIMES = 2
-RECOVERED_S = 2.0
+
+
+@pytest.fixture(autouse=True)
+def trouble_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long a busy machine takes to look at it."""
+    monkeypatch.setattr(thread_watch, "TOLD_NS", 600_000_000_000)
 
 
 class Thrown(Exception):  # noqa: N818 it stands for any error
@@ -36,7 +43,7 @@ def test_a_failure_is_counted_named_and_forgotten() -> None:
     assert failures.trouble == (
         "the thread recorder failed and was begun again (2 so far): ZeroDivisionError() in line 8"
     )
-    now_ns = TOLD_NS + 1
+    now_ns = thread_watch.TOLD_NS + 1
     assert failures.trouble == ""
 
 
@@ -44,7 +51,7 @@ def holds(thread: str, works: Callable[[], bool], trouble: Callable[[], str]) ->
     """The thread is hit several times, works again each time, and says what it was."""
     for count in range(1, TIMES + 1):
         throw_into(thread)
-        assert until(lambda: works() and f"({count} so far): Thrown()" in trouble(), RECOVERED_S * 10), trouble()  # noqa: B023
+        assert until(lambda: works() and f"({count} so far): Thrown()" in trouble()), trouble()  # noqa: B023
 
 
 def test_the_recorder_goes_on(tmp_path: Path) -> None:
@@ -54,7 +61,7 @@ def test_the_recorder_goes_on(tmp_path: Path) -> None:
     def works() -> bool:
         seq = next(seqs)
         put(recorder, range(seq, seq + 1))
-        return until(lambda: recorder.health().depth == 0, RECOVERED_S)
+        return until(lambda: recorder.health().depth == 0)
 
     holds("recorder", works, lambda: recorder.health().trouble)
     put(recorder, range(100_000, 100_003))

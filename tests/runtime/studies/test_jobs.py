@@ -61,7 +61,8 @@ def test_a_cluster_gives_the_same_results_and_a_dead_worker_loses_none(tmp_path:
     assert results[4] == {"survived": True}
 
 
-def test_an_address_where_nothing_answers_is_one_sentence(tmp_path: Path) -> None:
+def test_an_address_where_nothing_answers_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("runtime.studies.jobs.CONNECT_S", 0.5)
     pytest.importorskip("distributed", reason="needs the extra: cluster")
     with pytest.raises(UsageError, match=r"tcp://127\.0\.0\.1:1: no dask scheduler"):
         run_jobs([Job(square, {"value": 1, "calls": ""})], tmp_path, "tcp://127.0.0.1:1", ignore)

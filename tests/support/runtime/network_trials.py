@@ -105,13 +105,14 @@ def one_listens(puts: int) -> Trial:
     return trial
 
 
-def many_come_and_go(visitors: int) -> Trial:
+def many_come_and_go(visitors: int, within_s: float) -> Trial:
     """Sessions that connect, subscribe, hear something and leave, one after the other."""
     port = free_port()
     with publishing(settings_on(port)) as publisher:
         assert opened(publisher)
         putting = Putting(publisher)
-        arguments = [sys.executable, "-m", "tests.support.zenoh.visitors", f"tcp/127.0.0.1:{port}", str(visitors)]
+        arguments = [sys.executable, "-m", "tests.support.zenoh.visitors", f"tcp/127.0.0.1:{port}"]
+        arguments += [str(visitors), str(within_s)]
         said = json.loads(subprocess.run(arguments, cwd=ROOT, stdout=subprocess.PIPE, check=True).stdout)
         trial = Trial(putting.stop())
         trial.close_s = close_seconds(publisher)
@@ -176,7 +177,7 @@ def trials(short: bool) -> dict[str, Callable[[], Trial]]:
     return {
         "nobody listens": lambda: nobody_listens(200 if short else 2000),
         "one listens": lambda: one_listens(200 if short else 2000),
-        "visitors": lambda: many_come_and_go(20 if short else 1000),
+        "visitors": lambda: many_come_and_go(*(20, 120.0) if short else (1000, 2.0)),
         "one stalls": lambda: one_stalls(2.0 if short else 20.0),
         "router restarts": lambda: router_dies_and_returns(1 if short else 10),
     }

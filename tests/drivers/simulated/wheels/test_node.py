@@ -75,6 +75,13 @@ def test_frames_start_near_the_top_wrap_and_carry_alive_and_boot_id() -> None:
     assert [round(reading.speed or 0.0) // 50 for reading in readings[1:]] == steps.tolist()
 
 
+def test_a_node_that_was_held_up_says_its_top_speed_and_not_that_it_has_none() -> None:
+    pair = nodes()
+    for stamp_ns, travel_m in ((0, 0.0), (500_000_000, 5.0), (1_000_000_000, -5.0)):
+        (reading,) = FRAMES.decode(pair.beat(Wheel.LEFT, stamp_ns, travel_m)[0])
+        assert isinstance(reading, WheelReading)
+
+
 def test_a_power_cycle_begins_at_zero_with_the_next_boot_id_and_a_fresh_uptime() -> None:
     pair = nodes()
     pair.beat(Wheel.LEFT, 0, 0.0)

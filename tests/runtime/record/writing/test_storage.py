@@ -81,7 +81,7 @@ def test_a_mark_that_cannot_be_taken_away_is_taken_once(tmp_path: Path) -> None:
     for _ in range(5):
         clocked.visit()
     (trouble,) = clocked.storage.troubles
-    assert "a mark cannot be kept" in trouble
+    assert "stuck.txt: a mark was kept and its file cannot be removed" in trouble
     (clocked.folder.marks_path / "stuck.txt").rmdir()
     clocked.visit()
     assert clocked.storage.troubles == ()
@@ -101,6 +101,19 @@ def test_what_waited_behind_a_disk_becomes_chunks_that_any_reader_takes(
     content = clocked.folder.mcap_path.read_bytes()
     assert content.count(b"checkpoint") > 3
     assert CHUNK_BYTES < 32 << 20
+
+
+def test_less_than_half_a_second_is_in_memory(tmp_path: Path) -> None:
+    clocked = Clocked(tmp_path / "run", RecordSettings(keep_free_gb=0.0))
+    rng, written = np.random.default_rng(3), [0]
+    for seq in range(60):
+        clocked.storage.add(records_of(seq, rng))
+        clocked.visit(storage.WAKE_S)
+        written.append(clocked.folder.mcap_path.stat().st_size)
+    grown_at = [beat for beat in range(1, 61) if written[beat] > written[beat - 1]]
+    waited_s = storage.WAKE_S * (np.diff([0, *grown_at, 60]).max() + 1)  # it may have come just after the last visit
+    assert waited_s < 0.5
+    clocked.storage.close()
 
 
 def test_an_error_in_the_recorders_thread_costs_a_round_and_is_told(
