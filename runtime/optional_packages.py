@@ -8,6 +8,7 @@ from runtime.errors import UsageError
 HOW_TO_INSTALL = {
     "rerun": "pip install rerun-sdk, or drive without a picture: review.live = false",
     "matplotlib": "pip install 'infant[review]'",
+    "cyclonedds": "pip install 'infant[ros2]' on x86-64 with Python up to 3.13, or use infant bridge rclpy",
 }
 
 

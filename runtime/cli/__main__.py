@@ -29,7 +29,12 @@ app = typer.Typer(
 for group in (live, install, runs, log, rover, studies):
     for command in group.COMMANDS:
         app.command(command.__name__.rstrip("_"))(command)  # import_ is a word of Python without its underscore
-for name, text, commands in (("log", log.LOG_HELP, log.LOG_COMMANDS), ("map", maps.MAP_HELP, maps.MAP_COMMANDS)):
+GROUPS = {
+    "log": (log.LOG_HELP, log.LOG_COMMANDS),
+    "map": (maps.MAP_HELP, maps.MAP_COMMANDS),
+    "bridge": (rover.BRIDGE_HELP, rover.BRIDGE_COMMANDS),
+}
+for name, (text, commands) in GROUPS.items():
     group_app = typer.Typer(name=name, help=text, no_args_is_help=True)
     for command in commands:
         group_app.command()(command)

@@ -1,13 +1,85 @@
-"""The command that speaks to a running rover: infant command."""
+"""Commands that speak to a running rover: command, bridge ros2, bridge rclpy."""
 
+import sys
+import threading
 from enum import StrEnum
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from runtime.cli.output import say, say_json
+from runtime.cli.live import stop_on_signals
+from runtime.cli.output import answer, say, say_json
 from runtime.cli.progress import AsJson
+
+Rover = Annotated[str | None, typer.Option("--rover", help="name of the rover; default: the only one that answers")]
+Connect = Annotated[
+    str | None, typer.Option("--connect", metavar="ENDPOINT|HOST", help="the rover or a router; default: this machine")
+]
+ZenohFile = Annotated[
+    Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for a fleet's router")
+]
+Duration = Annotated[float | None, typer.Option("--duration", min=1.0, help="seconds; until Ctrl-C by default")]
+
+
+def stopping(duration_s: float | None) -> threading.Event:
+    """Set by a signal, or when the time is over."""
+    stop = stop_on_signals()
+    if duration_s is not None:
+        timer = threading.Timer(duration_s, stop.set)
+        timer.daemon = True  # what ends earlier does not wait for it
+        timer.start()
+    return stop
+
+
+def ros2(
+    rover: Rover = None,
+    connect: Connect = None,
+    zenoh_file: ZenohFile = None,
+    domain: Annotated[int, typer.Option("--domain", help="ROS_DOMAIN_ID of the nodes that shall see it")] = 0,
+    interface: Annotated[str, typer.Option("--interface", help="network interface, for example wlan0")] = "lo",
+    namespace: Annotated[
+        str | None, typer.Option("--namespace", help="of the topics; default: the rover's name; '' for none")
+    ] = None,
+    frame_prefix: Annotated[
+        str | None, typer.Option("--frame-prefix", help="of the frames; default: the rover's name; '' for none")
+    ] = None,
+    resolution: Annotated[float, typer.Option(min=0.02, max=10.0, help="size of a cell of /map, m")] = 0.1,
+    grid: Annotated[bool, typer.Option("--map/--no-map", help="whether /map is made of poses and scans")] = True,
+    duration: Duration = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show a running rover to ROS 2 nodes that speak DDS, as a process of its own; no ROS is needed here."""
+    from runtime.bridge.ros2 import BridgeOptions, bridge_ros2
+
+    file = None if zenoh_file is None else str(zenoh_file)
+    cell_m = resolution if grid else None
+    options = BridgeOptions(connect, rover, file, domain, interface, namespace, frame_prefix, cell_m)
+    result = bridge_ros2(options, stopping(duration), sys.stderr)
+    answer(result, (f"{topic:<24} {count}" for topic, count in result["sent"].items()), as_json)
+
+
+def rclpy(
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="default: standard output")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write the same as one Python file for a machine that has ROS 2; it needs rclpy and eclipse-zenoh, and not us."""
+    from runtime.errors import RunExistsError, StorageError
+
+    text = files("runtime.bridge").joinpath("rclpy_node.py").read_text(encoding="utf-8")
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    try:
+        with out.open("x", encoding="utf-8") as file:
+            file.write(text)
+        out.chmod(0o755)
+    except FileExistsError as error:
+        raise RunExistsError(f"{out} exists; nothing is overwritten, give another name") from error
+    except OSError as error:
+        raise StorageError(f"{out} cannot be written ({error.strerror}); give another name") from error
+    answer({"file": str(out)}, (f"written   {out}: python3 {out} --rover NAME --connect ENDPOINT",), as_json)
 
 
 class CommandWord(StrEnum):
@@ -44,3 +116,5 @@ def command(
 
 
 COMMANDS = (command,)
+BRIDGE_COMMANDS = (ros2, rclpy)
+BRIDGE_HELP = "A running rover for ROS 2."

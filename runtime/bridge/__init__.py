@@ -1,0 +1,1 @@
+"""How does a running rover reach stock ROS 2, which does not speak zenoh? Begin at ros2.py."""

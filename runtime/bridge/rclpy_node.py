@@ -1,0 +1,173 @@
+#!/usr/bin/env python3
+"""A rover in ROS 2, as a node of a machine that has ROS: one file, which needs rclpy and the package eclipse-zenoh.
+
+    infant bridge rclpy --out infant_bridge.py             # on any machine with infant: writes this file
+    pip install eclipse-zenoh                              # into the Python of ROS: 3.10 or 3.12
+    python3 infant_bridge.py --rover rover1 --connect tcp/192.168.1.20:7448
+
+CDR goes through untouched; with --frame-prefix messages are read and written again with their frames renamed. The grid
+comes from `infant map live`, where that runs.
+"""
+
+import argparse
+import queue
+import re
+import signal
+import sys
+import threading
+from contextlib import suppress
+from importlib import import_module
+from typing import Any
+
+TOPICS = {  # last word of the key: topic, type, reliable, latched, depth
+    "scan_full": ("scan", "sensor_msgs/msg/LaserScan", False, False, 5),
+    "pose": ("pose", "geometry_msgs/msg/PoseWithCovarianceStamped", True, False, 10),
+    "odom": ("odom", "nav_msgs/msg/Odometry", True, False, 10),
+    "tf": ("/tf", "tf2_msgs/msg/TFMessage", True, False, 100),
+    "tf_static": ("/tf_static", "tf2_msgs/msg/TFMessage", True, True, 1),
+    "grid": ("map", "nav_msgs/msg/OccupancyGrid", True, True, 1),
+    "landmarks": ("landmarks", "visualization_msgs/msg/MarkerArray", True, False, 10),
+    "particles": ("particles", "geometry_msgs/msg/PoseArray", True, False, 10),
+    "path": ("path", "nav_msgs/msg/Path", True, False, 10),
+    "health": ("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", True, False, 10),
+}
+WAKE_S = 0.2
+ASK_S = 2.0
+
+
+def arguments() -> argparse.Namespace:
+    """What was asked for."""
+    parser = argparse.ArgumentParser(description="A rover in ROS 2.")
+    parser.add_argument("--rover", required=True, help="its name in its configuration")
+    parser.add_argument("--connect", default="tcp/127.0.0.1:7448", help="zenoh endpoint of the rover or a router")
+    parser.add_argument("--zenoh", help="zenoh configuration with the certificate for a fleet's router")
+    parser.add_argument("--namespace", help="default: the rover's name")
+    parser.add_argument("--frame-prefix", help="default: the rover's name; '' for map, odom, base_link, laser")
+    return parser.parse_args()
+
+
+def message_class(type_name: str) -> Any:
+    """The class of a type, None where its package is not installed."""
+    package, _, name = type_name.split("/")
+    try:
+        return getattr(import_module(package + ".msg"), name)
+    except ImportError:
+        return None
+
+
+def rename(message: Any, prefix: str) -> None:
+    """Put the frames of a message behind a prefix."""
+    if hasattr(message, "header") and message.header.frame_id:
+        message.header.frame_id = prefix + "/" + message.header.frame_id
+    if hasattr(message, "child_frame_id"):
+        message.child_frame_id = prefix + "/" + message.child_frame_id
+    for name in ("transforms", "markers", "poses"):
+        for part in getattr(message, name, ()):
+            rename(part, prefix)
+
+
+class Bridge:
+    """Publishers of one rover on one node."""
+
+    def __init__(self, node: Any, prefix: str) -> None:
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # type: ignore[import-not-found]
+
+        self.prefix = prefix
+        self.publishers: dict[str, tuple[Any, Any]] = {}
+        for key, (topic, type_name, reliable, latched, depth) in TOPICS.items():
+            kind = message_class(type_name)
+            if kind is None:
+                sys.stderr.write("no package for " + type_name + " here: " + topic + " is left out\n")
+                continue
+            qos = QoSProfile(depth=depth)
+            qos.reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+            qos.durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+            self.publishers[key] = (kind, node.create_publisher(kind, topic, qos))
+
+    def send(self, key: str, data: bytes) -> None:
+        """Publish one message."""
+        from rclpy.serialization import deserialize_message  # type: ignore[import-not-found]
+
+        kind, publisher = self.publishers[key]
+        if self.prefix:
+            message = deserialize_message(data, kind)
+            rename(message, self.prefix)
+            publisher.publish(message)
+        else:
+            publisher.publish(data)
+
+
+def session_of(zenoh: Any, options: argparse.Namespace) -> Any:
+    """A client of the rover."""
+    config = zenoh.Config.from_file(options.zenoh) if options.zenoh else zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", '["' + options.connect + '"]')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("connect/retry", "{period_init_ms:500,period_max_ms:1000,period_increase_factor:2}")
+    try:
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        sys.exit("infant_bridge: " + options.connect + ": no connection (" + str(error) + "); give --connect")
+
+
+def follow(zenoh: Any, session: Any, rover: str, bridge: Bridge, stop: threading.Event) -> None:
+    """Until `stop`: what the rover says, and where its laser sits, asked for whenever the rover comes."""
+    waiting: queue.Queue[tuple[str, bytes]] = queue.Queue(500)
+    came = threading.Event()
+    below = "infant/" + rover + "/"
+
+    def into(key: str) -> Any:
+        def keep(sample: Any) -> None:
+            if not waiting.full():
+                waiting.put((key, sample.payload.to_bytes()))
+
+        return zenoh.handlers.Callback(keep, indirect=False)
+
+    def alive(sample: Any) -> None:
+        if sample.kind == zenoh.SampleKind.PUT:
+            came.set()
+
+    heard = [session.declare_subscriber(below + key, into(key)) for key in bridge.publishers if key != "tf_static"]
+    callback = zenoh.handlers.Callback(alive, indirect=False)
+    heard.append(session.liveliness().declare_subscriber(below + "alive", callback, history=True))
+    while not stop.is_set():
+        if came.is_set() and "tf_static" in bridge.publishers:
+            came.clear()
+            for reply in session.get(below + "tf_static", timeout=ASK_S):
+                if reply.ok is not None:
+                    bridge.send("tf_static", reply.ok.payload.to_bytes())
+        with suppress(queue.Empty):
+            bridge.send(*waiting.get(timeout=WAKE_S))
+
+
+def main() -> None:
+    """Follow one rover until a signal."""
+    options = arguments()
+    try:
+        import rclpy  # type: ignore[import-not-found]
+        from rclpy.signals import SignalHandlerOptions  # type: ignore[import-not-found]
+    except ImportError as error:
+        sys.exit("infant_bridge: no ROS 2 here (" + str(error) + "); source /opt/ros/DISTRIBUTION/setup.bash first")
+    try:
+        import zenoh
+    except ImportError:
+        sys.exit("infant_bridge: the package zenoh is not here; pip install eclipse-zenoh")
+    own = re.sub("[^A-Za-z0-9_]", "_", options.rover)
+    own = "rover_" + own if own[0].isdigit() else own
+    namespace = own if options.namespace is None else options.namespace.strip("/")
+    prefix = own if options.frame_prefix is None else options.frame_prefix.strip("/")
+    stop = threading.Event()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    node = rclpy.create_node("infant", namespace=namespace)
+    try:
+        with session_of(zenoh, options) as session:
+            follow(zenoh, session, options.rover, Bridge(node, prefix), stop)
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+"""What a tool hears of one rover: a bounded queue of messages, and word when the rover comes, also again."""
+
+import queue
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+
+import zenoh
+
+from runtime.errors import SensorError
+from runtime.publish.find_rover import FoundRover
+from runtime.publish.session import LARGEST_ANSWER, short_reason, tool_config
+
+MOST_WAITING = 500  # messages; when a tool is slower than its rover the newest are lost
+ASK_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One message: the last word of its key, and its bytes."""
+
+    name: str
+    data: bytes
+
+
+class Follower:
+    """Hears a rover on a session. Anyone may publish on its keys: who decodes has to expect anything."""
+
+    def __init__(self, session: zenoh.Session, rover: str, names: Iterable[str]) -> None:
+        self.session, self.rover = session, rover
+        self._waiting: queue.Queue[Message] = queue.Queue(MOST_WAITING)
+        self._came = threading.Event()
+        self.is_there = False
+        # indirect=True would start Python threads that hang or abort a process that ends without closing the session
+        for name in names:
+            heard = zenoh.handlers.Callback(self._into(name), indirect=False)
+            session.declare_subscriber(f"infant/{rover}/{name}", heard)
+        alive = zenoh.handlers.Callback(self._alive, indirect=False)
+        session.liveliness().declare_subscriber(f"infant/{rover}/alive", alive, history=True)
+
+    def next(self, timeout_s: float) -> Message | None:
+        """The next message, None where none came in time."""
+        with suppress(queue.Empty):
+            return self._waiting.get(timeout=timeout_s)
+        return None
+
+    def has_come(self) -> bool:
+        """Whether the rover has come since this was last asked: what it answered before may no longer hold."""
+        came = self._came.is_set()
+        self._came.clear()
+        return came
+
+    def ask(self, name: str) -> bytes | None:
+        """Its answer on a key, None where it gives none in time."""
+        for reply in self.session.get(f"infant/{self.rover}/{name}", timeout=ASK_S):
+            if reply.ok is not None and len(reply.ok.payload) <= LARGEST_ANSWER:
+                return bytes(reply.ok.payload.to_bytes())
+        return None
+
+    def _into(self, name: str) -> Callable[[zenoh.Sample], None]:
+        def keep(sample: zenoh.Sample) -> None:
+            with suppress(queue.Full):
+                self._waiting.put_nowait(Message(name, sample.payload.to_bytes()))
+
+        return keep
+
+    def _alive(self, sample: zenoh.Sample) -> None:
+        self.is_there = sample.kind == zenoh.SampleKind.PUT
+        if self.is_there:
+            self._came.set()
+
+
+@contextmanager
+def following(rover: FoundRover, names: Iterable[str], config_file: str | None = None) -> Iterator[Follower]:
+    """A session for as long as the tool runs; zenoh connects again by itself. Raises SensorError."""
+    try:
+        session = zenoh.open(tool_config(rover.endpoint, config_file))
+    except zenoh.ZError as error:
+        why = short_reason(error)
+        raise SensorError(f"{rover.endpoint}: no connection ({why}); give --connect and --zenoh") from error
+    with session:
+        yield Follower(session, rover.name, names)

@@ -1,0 +1,98 @@
+"""Real rclpy nodes of Jazzy and Kilted see a rover through the bridge, in both its forms: `make ros2`."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from runtime.errors import SensorError
+from runtime.publish.find_rover import find_rover
+from runtime.source_tree import ROOT
+from tests.support.ros2.environments import environment_of, python312
+from tests.support.zenoh.wire import free_port, until
+
+pytestmark = pytest.mark.ros2
+NODE = ROOT / "tests" / "support" / "ros2" / "listening_node.py"
+FILE = ROOT / "runtime" / "bridge" / "rclpy_node.py"
+TOPICS = {"scan", "pose", "odom", "map", "landmarks", "particles", "path", "/diagnostics"}
+LISTEN_S = "12"
+DOMAIN = "177"
+
+
+@pytest.fixture(scope="module", params=["jazzy", "kilted"])
+def ros_python(request: pytest.FixtureRequest) -> Path:
+    python = python312()
+    if python is None:
+        pytest.skip("no Python 3.12 is here, for which alone ROS 2 is in the package index")
+    there, why = environment_of(request.param, python)
+    if there is None:
+        pytest.skip(f"ROS 2 {request.param} cannot be installed: {why}")
+    return there
+
+
+@pytest.fixture(scope="module")
+def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A simulated rover that drives; its endpoint."""
+    folder, endpoint = tmp_path_factory.mktemp("rover"), f"tcp/127.0.0.1:{free_port()}"
+    text = (ROOT / "config" / "mock.toml").read_text()
+    (folder / "rover.toml").write_text(f'{text}\n[publish]\nlisten = ["{endpoint}"]\nconnect = []\n')
+    words = ("run", "--config", str(folder / "rover.toml"), "--duration", "900", "--out", str(folder / "run"))
+    with started(sys.executable, "-m", "runtime.cli", *words):
+        assert until(lambda: answers(endpoint), 300.0), "the rover does not come up"
+        yield endpoint
+
+
+def answers(endpoint: str) -> bool:
+    try:
+        return find_rover(endpoint, None).name == "mock"
+    except SensorError:
+        return False
+
+
+@contextmanager
+def started(*words: str, **environment: str) -> Iterator[None]:
+    process = subprocess.Popen(words, cwd=ROOT, env=os.environ | environment, stdout=subprocess.DEVNULL)
+    try:
+        yield
+        assert process.poll() is None, f"{words} ended by itself"
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.wait(60)
+
+
+def heard(ros_python: Path) -> dict[str, Any]:
+    """What a node that comes late has received."""
+    environment = os.environ | {"ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    node = [str(ros_python), str(NODE), "/mock", LISTEN_S]
+    done = subprocess.run(node, env=environment, capture_output=True, text=True, check=True)
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def test_a_real_node_that_comes_late_receives_every_topic_from_dds(rover: str, ros_python: Path) -> None:
+    words = ("bridge", "ros2", "--connect", rover, "--domain", DOMAIN)
+    with started(sys.executable, "-m", "runtime.cli", *words):
+        assert until(lambda: "map" in heard(ros_python)["found"]), "no map within two minutes"
+        told = heard(ros_python)
+    assert told["found"].keys() >= TOPICS
+    assert told["found"]["scan"]["frame"] == "mock/laser"
+    assert told["found"]["odom"]["child"] == "mock/base_link"
+    assert told["found"]["odom"]["covariance"] >= 0.0
+    assert told["topics"]["/tf"] == told["topics"]["/tf_static"] == ["tf2_msgs/msg/TFMessage"]
+
+
+def test_a_real_node_receives_the_same_from_the_file_for_machines_with_ros(rover: str, ros_python: Path) -> None:
+    environment = {"ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "PYTHONPATH": ""}
+    words = ("--rover", "mock", "--connect", rover, "--frame-prefix", "")
+    with started(str(ros_python), str(FILE), *words, **environment):
+        assert until(lambda: "path" in heard(ros_python)["found"]), "nothing within two minutes"
+        told = heard(ros_python)
+    assert told["found"].keys() >= TOPICS - {"map"}  # the map is `infant map live`'s
+    assert told["found"]["scan"]["frame"] == "laser"

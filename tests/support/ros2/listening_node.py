@@ -1,0 +1,92 @@
+"""A real rclpy node, for a Python of ROS: what arrives on the bridge's topics within some seconds, as one JSON object.
+
+It imports nothing of ours: `python listening_node.py NAMESPACE SECONDS`.
+"""
+
+import itertools
+import json
+import sys
+import time
+from importlib import import_module
+
+import rclpy  # type: ignore[import-not-found]
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # type: ignore[import-not-found]
+
+TOPICS = {  # type, reliable, latched: as nav2 and rviz subscribe
+    "scan": ("sensor_msgs/LaserScan", False, False),
+    "pose": ("geometry_msgs/PoseWithCovarianceStamped", True, False),
+    "odom": ("nav_msgs/Odometry", True, False),
+    "map": ("nav_msgs/OccupancyGrid", True, True),
+    "landmarks": ("visualization_msgs/MarkerArray", True, False),
+    "particles": ("geometry_msgs/PoseArray", True, False),
+    "path": ("nav_msgs/Path", True, False),
+    "/diagnostics": ("diagnostic_msgs/DiagnosticArray", True, False),
+    "/tf": ("tf2_msgs/TFMessage", True, False),
+    "/tf_static": ("tf2_msgs/TFMessage", True, True),
+}
+
+
+def stamp_of(message: object) -> float:
+    stamp = message.header.stamp  # type: ignore[attr-defined]
+    return float(stamp.sec + stamp.nanosec * 1e-9)
+
+
+def main() -> None:
+    namespace, seconds = sys.argv[1], float(sys.argv[2])
+    rclpy.init()
+    node = rclpy.create_node("listening", namespace=namespace)
+    found: dict[str, dict[str, object]] = {}
+    ages_ms: list[float] = []
+    stamps: list[float] = []
+
+    def hear(topic: str, message: object) -> None:
+        entry = found.setdefault(topic, {"count": 0, "first_s": time.monotonic() - began_s})
+        entry["count"] = int(entry["count"]) + 1  # type: ignore[call-overload]
+        if hasattr(message, "header"):
+            entry["frame"] = message.header.frame_id
+        if topic == "pose":
+            ages_ms.append((time.time() - stamp_of(message)) * 1e3)
+            stamps.append(stamp_of(message))
+        if topic == "odom":
+            entry["child"] = message.child_frame_id  # type: ignore[attr-defined]
+            entry["covariance"] = message.pose.covariance[0]  # type: ignore[attr-defined]
+        if topic.startswith("/tf"):
+            links = set(map(tuple, entry.get("links", [])))  # type: ignore[call-overload]
+            for each in message.transforms:  # type: ignore[attr-defined]
+                links.add((each.header.frame_id, each.child_frame_id))
+            entry["links"] = sorted(links)
+
+    began_s = time.monotonic()
+    absent = []
+    for topic, (kind, reliable, latched) in TOPICS.items():
+        package, name = kind.split("/")
+        try:
+            message_type = getattr(import_module(package + ".msg"), name)
+        except ImportError:
+            absent.append(topic)
+            continue
+        qos = QoSProfile(depth=100)
+        qos.reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+        qos.durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        node.create_subscription(message_type, topic, lambda message, topic=topic: hear(topic, message), qos)
+    while time.monotonic() - began_s < seconds:
+        rclpy.spin_once(node, timeout_sec=0.2)
+    known = dict(node.get_topic_names_and_types())
+    gaps = [b - a for a, b in itertools.pairwise(stamps)]
+    print(  # noqa: T201
+        json.dumps(
+            {
+                "found": found,
+                "absent": absent,
+                "topics": known,
+                "age_ms": sorted(ages_ms)[len(ages_ms) // 2] if ages_ms else None,
+                "gaps_s": [min(gaps), max(gaps)] if gaps else None,
+            }
+        )
+    )
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+if __name__ == "__main__":
+    main()
