@@ -19,6 +19,8 @@ from slam.settings.quality import QualitySettings
 FOUND_SHARE = 0.03  # of the settled landmarks in view, over some scans; where less is found, chance finds it
 SEEN_BEFORE_SHARE = 0.2  # of the beams that could be compared with earlier scans; where less agrees, the laser is blind
 LOST_BLIND_SCANS = 20  # scans in a row that do not support the pose; then the map is left as it is
+UNCERTAIN_GAPS, LOST_GAPS = 2.0, 4.0  # usual gaps between scans that a laser is silent before it is called blind
+GAP_STEP = 1.1  # factor by which the usual gap follows each gap: to the median of them
 UNCERTAIN_M = 1.0  # standard deviation of the position, larger axis
 LOST_M = 5.0  # the same
 UNCERTAIN_GAP_M = 1.5  # m between particles and joint Gaussian beyond 3 sigma of it
@@ -54,6 +56,8 @@ class QualityMonitor:
         self._scans = self._trusted_scans = scans
         self._blind_scans = 0
         self._supported_ns: int | None = None
+        self._scanned_ns: int | None = None
+        self._usual_gap_s = 0.0
         self._evidence = Evidence()
         self._seen_before_share: float | None = None
 
@@ -111,6 +115,7 @@ class QualityMonitor:
         """
         settings = self._settings
         self._scans += 1
+        self._follow_gaps(stamp_ns)
         self._evidence, self._seen_before_share = evidence, seen_before_share
         if evidence.known == 0 and not self._lost:
             self._score *= 1.0 - FADING
@@ -136,6 +141,15 @@ class QualityMonitor:
         else:
             self._blind_scans += 1
 
+    def _follow_gaps(self, stamp_ns: int) -> None:
+        if self._scanned_ns is not None:
+            gap_s = (stamp_ns - self._scanned_ns) * 1e-9
+            if self._usual_gap_s == 0.0:
+                self._usual_gap_s = gap_s
+            else:
+                self._usual_gap_s *= GAP_STEP if gap_s > self._usual_gap_s else 1.0 / GAP_STEP
+        self._scanned_ns = stamp_ns
+
     def judge(self, stamp_ns: int, covariance: FloatArray, gap_m: float) -> Judgement:
         """At stamp_ns, with the covariance (3, 3) and the distance between particles and joint Gaussian."""
         settings, evidence = self._settings, self._evidence
@@ -143,13 +157,13 @@ class QualityMonitor:
             self._supported_ns = stamp_ns
         if not np.isfinite(covariance).all():
             return Judgement(Quality.LOST, "the covariance is not finite")
-        blind_s, deviation_m = self._blind_s(stamp_ns), largest_deviation_m(covariance)
+        blind_s, deviation_m, gap_s = self._blind_s(stamp_ns), largest_deviation_m(covariance), self._usual_gap_s
         against = f"landmarks are not where they should be: found {evidence.found}, missed {evidence.missed}"
         blind = f"nothing of the map is seen: for {blind_s:.1f} s"
         wide = f"the position is not known well enough: sigma {deviation_m:.1f} m"
         if self._lost:
             return Judgement(Quality.LOST, against)
-        if blind_s > settings.lost_blind_s:
+        if blind_s > max(settings.lost_blind_s, LOST_GAPS * gap_s):
             return Judgement(Quality.LOST, blind)
         if deviation_m > LOST_M:
             return Judgement(Quality.LOST, wide)
@@ -157,7 +171,7 @@ class QualityMonitor:
             return Judgement(Quality.UNCERTAIN, against)
         if self._scans == 0:
             return Judgement(Quality.UNCERTAIN, "no scan has come yet")
-        if blind_s > settings.uncertain_blind_s:
+        if blind_s > max(settings.uncertain_blind_s, UNCERTAIN_GAPS * gap_s):
             return Judgement(Quality.UNCERTAIN, blind)
         if deviation_m > UNCERTAIN_M:
             return Judgement(Quality.UNCERTAIN, wide)
@@ -179,9 +193,10 @@ class QualityMonitor:
     def state_bytes(self) -> bytes:
         """What the next judgement depends on, for a hash."""
         supported = -1 if self._supported_ns is None else self._supported_ns
-        sums = (self._score, self._square, self._known, self._found)
-        counts = (self._scans, self._trusted_scans, self._blind_scans, supported)
-        return struct.pack("<dddd?qqqq", *sums, self._lost, *counts)
+        scanned = -1 if self._scanned_ns is None else self._scanned_ns
+        sums = (self._score, self._square, self._known, self._found, self._usual_gap_s)
+        counts = (self._scans, self._trusted_scans, self._blind_scans, supported, scanned)
+        return struct.pack("<ddddd?qqqqq", *sums, self._lost, *counts)
 
     def _blind_s(self, stamp_ns: int) -> float:
         return 0.0 if self._supported_ns is None else (stamp_ns - self._supported_ns) * 1e-9

@@ -16,7 +16,7 @@ from slam.front_end.alignment_kernels import EarlierScans, surface_normals
 from slam.front_end.alignment_search import Search
 from slam.front_end.deskew import Beams, Twist, deskew
 from slam.front_end.differencing import LEAST_SUPPORT, OLDEST_S
-from slam.front_end.wide_search import View, WideSearch
+from slam.front_end.wide_search import Found, View, WideSearch
 from slam.odometry.odometry import Increment
 from slam.odometry.trust import WheelTrust
 from slam.pose import Pose2, wrap_rad
@@ -36,7 +36,7 @@ FIRST_USUAL_SHARE, USUAL_GAIN = 0.9, 0.05
 NEED_RANGE_M = 10.0  # at this distance: what a wrong heading moves
 WIDEST_SQUARE = 30.0  # nor where the result contradicts the wheels by this squared distance, unless they have slipped:
 SUSPECT_SQUARE = 11.3  # that wheels which were only suspected are off by, 99 % of what chance makes of three numbers
-SLIP_M, SLIP_RAD = 0.15, 0.1  # sigma of the motion by wheels that are suspected
+SLIPPED = np.diag((0.15, 0.15, 0.1)) ** 2  # m^2, rad^2, of the motion by wheels that are suspected
 SLIP_SHARE = 0.7  # so many points are on surfaces then
 SLIP_GAIN = 0.1  # and so many more than by the wheels' motion
 POOR_SHARE = 0.25  # so many points fewer than usual on surfaces say that the best motion near the wheels' is wrong too
@@ -58,9 +58,8 @@ class Alignment:
     """Remembers the last scans; refines an increment where the wheels alone could not tell which feature is which, and
     where too few of the scans are young enough to vote on the new one.
 
-    refined: how many increments it has refined; found_widely: of them where the wheels were far off, last looked for at
-    searched_ns. laid: the beams of the latest scan, None where it was not laid onto
-    others.
+    refined: how many increments it has refined; found_widely: how many of them by the wide search, made last at
+    searched_ns. laid: the beams of the latest scan, None where it was not laid onto others.
     """
 
     def __init__(self, settings: FrontEndSettings, body_from_laser: Pose2) -> None:
@@ -155,15 +154,14 @@ class Alignment:
         search = self._search(now, self._references())
         if search is None or not np.isfinite(covariance).all():
             return increment
-        slip = np.diag((SLIP_M, SLIP_M, SLIP_RAD)) ** 2 if only_if_slipped else np.zeros((3, 3))
-        motion, information, count = search.best(prior, covariance + slip)
+        motion, information, count = search.best(prior, covariance + (SLIPPED if only_if_slipped else 0.0))
         share = count / len(search.points_m)
         if self._usual_fit - share > POOR_SHARE:
             found = self._found_widely(now, search, prior)
             if found is not None:
                 self.refined += 1
                 self.found_widely += 1
-                return self._moved_by(increment, *found)
+                return self._moved_by(increment, found.motion, found.information)
         if not only_if_slipped:
             self._usual_fit += USUAL_GAIN * (share - self._usual_fit)
         off = motion - prior
@@ -176,16 +174,16 @@ class Alignment:
         contradicts = not square <= (SUSPECT_SQUARE if only_if_slipped else WIDEST_SQUARE)  # also where it is NaN
         if contradicts and not self._have_slipped(search, prior, count):
             return increment
-        if only_if_slipped and not contradicts:
+        if only_if_slipped and (increment.at_rest or not contradicts):  # at rest, what moves is the door
             return increment
         self.refined += 1
         if not only_if_slipped:
             self.laid = self._beams(now)
         return self._moved_by(increment, motion, information)
 
-    def _found_widely(self, now: SeenFrom, search: Search, prior: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """The motion (3,) and its information where the scan lies nowhere near the place that the wheels say, but
-        clearly at another; looked for at most once in WIDE_PAUSE_NS.
+    def _found_widely(self, now: SeenFrom, search: Search, prior: FloatArray) -> Found | None:
+        """The motion where the scan lies nowhere near the place that the wheels say, but clearly at another; looked
+        for at most once in WIDE_PAUSE_NS.
         """
         if self.searched_ns is not None and now.scan.stamp_ns - self.searched_ns < WIDE_PAUSE_NS:
             return None

@@ -24,14 +24,16 @@ GRID_CELLS = 128  # to a side, around where the motion starts: 16 m each way
 MOST_POINTS = 60  # of the new scan while places are sought
 REFINED = 6  # best places that are refined
 GATES_M = np.geomspace(0.6, GATE_LAST_M, 6)
-WIDE = np.eye(3)  # m^2 and rad^2; nothing is believed of the wheels but that it was not far
-PER_SCAN = ("points_m", "normals", "from_start")
+LOOSE = np.eye(3)  # m^2 and rad^2; nothing is believed of the wheels but that it was not far. It is its own inverse
 SAME_M = 0.3  # two returns nearer to each other are one thing
 FREE_M = 0.4  # a return so far in front of what the other scan saw there stands in its free space
-AGREE_SHARE = 0.95  # of the returns that can be compared lie where the other scan has one
+AGREE_SHARE = 0.97  # of the returns that can be compared lie where the other scan has one
 COMPARED_SHARE = 0.35  # of all returns can be compared
+LEAST_SAME_RAD = 1.7  # of view that coincides, in both scans together: less shows a wall and a corner, as elsewhere
 RIVAL_SHARE = 0.85  # another place that agrees by so much of the best one's lead: places that look alike
 RIVAL_SQUARE = 30.0  # squared distance from which it is another place
+SHIFTS_M = np.concatenate((-np.arange(0.5, 3.05, 0.1), np.arange(0.5, 3.05, 0.1)))  # pillars, windows and doors in rows
+REPEATED_SHARE = 0.97  # of the returns that can be compared then: a place as good as the one found
 
 
 class Field(NamedTuple):
@@ -75,9 +77,22 @@ class Agreement:
     free: int
 
     @property
+    def compared(self) -> int:
+        """Returns of which the other scan says anything."""
+        return self.same + self.free
+
+    @property
     def lead(self) -> int:
         """By how much more speaks for the motion than against it."""
         return self.same - self.free
+
+
+class Found(NamedTuple):
+    """A motion (3,), its information (3, 3), and the share of the new scan's points that lie on earlier surfaces."""
+
+    motion: FloatArray
+    information: FloatArray
+    share: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,35 +104,31 @@ class WideSearch:
     last: View
     body_from_laser: Pose2
 
-    def best(self, by_wheels: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-        """The motion (3,) and its information (3, 3); None where none is clearly right and clearly better than that by
-        the wheels.
-        """
+    def best(self, by_wheels: FloatArray) -> Found | None:
+        """None where no motion is clearly right, and clearly better than that by the wheels (3,)."""
         return self._clear_place(by_wheels, (SLID, TURNED), self.agreement(by_wheels).lead)
 
-    def nearby(self, predicted: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    def nearby(self, predicted: FloatArray) -> Found | None:
         """The same about as turned as predicted (3,), whether or not it is a better place than that."""
         return self._clear_place(predicted, (SLID,), -math.inf)
 
-    def _clear_place(
-        self, by_wheels: FloatArray, fields: tuple[Field, ...], least_lead: float
-    ) -> tuple[FloatArray, FloatArray] | None:
+    def _clear_place(self, by_wheels: FloatArray, fields: tuple[Field, ...], least_lead: float) -> Found | None:
+        """The motion that stands out in the fields around that by the wheels (3,), if it leads by more than that."""
         past = self.search.past
-        onto_last = Search(self.search.points_m, past._replace(**{name: getattr(past, name)[:1] for name in PER_SCAN}))
+        last = past._replace(points_m=past.points_m[:1], normals=past.normals[:1], from_start=past.from_start[:1])
+        onto_last = Search(self.search.points_m, last)
         found = []
         for field in fields:
             for start in self._places(by_wheels, field):
-                motion, information, _ = onto_last.refined(by_wheels, WIDE, start, GATES_M)
+                motion, information, _ = onto_last.refined(by_wheels, LOOSE, start, GATES_M)
                 if field.holds(motion - by_wheels):
                     found.append((self.agreement(motion), motion, information, field))
         if not found:
             return None
         best, motion, information, field = max(found, key=lambda place: place[0].lead)
-        compared = best.same + best.free
-        returned = sum(int((~np.isnan(view.points_m[:, 0])).sum()) for view in (self.new, self.last))
-        if best.same < AGREE_SHARE * compared or compared < COMPARED_SHARE * returned:
+        if best.same * self.new.spacing_rad < LEAST_SAME_RAD or not self._says_the_same(best, AGREE_SHARE):
             return None
-        if best.lead - least_lead < field.lead_share * compared:
+        if best.lead - least_lead < field.lead_share * best.compared:
             return None
         for other, elsewhere, _, its_field in found:
             off = elsewhere - motion
@@ -125,7 +136,22 @@ class WideSearch:
             alike = other.lead > RIVAL_SHARE * best.lead and off @ information @ off > RIVAL_SQUARE
             if alike and (its_field is field or field is TURNED):  # a corridor looks the same from its other end
                 return None
-        return self.search.refined(by_wheels, WIDE, motion, GATES_M[-1:])[:2]
+        motion, information, count = self.search.refined(by_wheels, LOOSE, motion, GATES_M[-1:])
+        if self._is_repeated(motion, information):
+            return None
+        return Found(motion, information, count / len(self.search.points_m))
+
+    def _is_repeated(self, motion: FloatArray, information: FloatArray) -> bool:
+        """Whether places along the direction in which the motion is known least are as good."""
+        _, directions = np.linalg.eigh(np.linalg.inv(information)[:2, :2])
+        least_known = np.array((*directions[:, -1], 0.0))
+        shifted = (self.agreement(motion + shift_m * least_known) for shift_m in SHIFTS_M)
+        return any(self._says_the_same(agreement, REPEATED_SHARE) for agreement in shifted)
+
+    def _says_the_same(self, agreement: Agreement, least_share: float) -> bool:
+        """Whether enough returns can be compared, and at least this share of them coincide."""
+        returned = sum(int((~np.isnan(view.points_m[:, 0])).sum()) for view in (self.new, self.last))
+        return agreement.compared >= COMPARED_SHARE * returned and agreement.same >= least_share * agreement.compared
 
     def agreement(self, motion: FloatArray) -> Agreement:
         """What both scans say of a motion (3,)."""

@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from drivers.measurements import FloatArray
-from slam.front_end.alignment_search import Search
-from slam.front_end.wide_search import View, WideSearch
+from slam.front_end.wide_search import Found, WideSearch
 from slam.pose import Pose2
 
 STEP_M = 0.5  # between two searches, each of which takes milliseconds
+LEAST_SHARE = 0.25  # of the points on surfaces of the keyframe: by a tenth corridors were closed metres off
 CLEAR_M = 0.3  # sigma of a fit; one that leaves more open, as in a corridor, does not say where the rover is
 SAME_M, SAME_RAD = 0.3, 0.1  # two fits that correct the pose so nearly alike say the same
 
@@ -17,8 +17,7 @@ SAME_M, SAME_RAD = 0.3, 0.1  # two fits that correct the pose so nearly alike sa
 class FarLoops:
     """Lays scans onto keyframes metres away; remembers the one of the last fit, and how it would have the pose move."""
 
-    def __init__(self, body_from_laser: Pose2) -> None:
-        self._body_from_laser = body_from_laser
+    def __init__(self) -> None:
         self._tried_at: Pose2 | None = None
         self._before: tuple[int, Pose2] | None = None
 
@@ -28,24 +27,25 @@ class FarLoops:
             return True
         return math.hypot(pose.x_m - self._tried_at.x_m, pose.y_m - self._tried_at.y_m) >= STEP_M
 
-    def find(
-        self, number: int, search: Search, views: tuple[View, View], predicted: FloatArray, pose: Pose2
-    ) -> tuple[FloatArray, FloatArray] | None:
-        """The motion (3,) from a keyframe to the body and its information (3, 3); None until two keyframes have said
-        the same, because rooms look alike.
+    def find(self, number: int, search: WideSearch, predicted: FloatArray, pose: Pose2) -> Found | None:
+        """The motion from a keyframe to the body; None until two keyframes have said the same: rooms look alike.
 
-        number: of the keyframe. search: the scan's points onto its surfaces. views: scan and keyframe. predicted (3,):
-        where the body at pose should be, as seen from the keyframe.
+        number: of the keyframe. search: for the scan on it. predicted (3,): where the body at pose should be, as seen
+        from the keyframe.
         """
         self._tried_at = pose
-        found = WideSearch(search, *views, self._body_from_laser).nearby(predicted)
-        if found is None or math.sqrt(np.linalg.inv(found[1])[:2, :2].trace()) > CLEAR_M:
+        found = search.nearby(predicted)
+        if found is None or found.share < LEAST_SHARE:
+            return None
+        if math.sqrt(np.linalg.inv(found.information)[:2, :2].trace()) > CLEAR_M:
             return None
         keyframe = pose @ Pose2(*predicted.tolist()).inverse()
-        correction = keyframe @ Pose2(*found[0].tolist()) @ pose.inverse()
+        correction = keyframe @ Pose2(*found.motion.tolist()) @ pose.inverse()
         before, self._before = self._before, (number, correction)
         if before is None or before[0] == number:
             return None
         apart = (before[1] @ pose).inverse() @ correction @ pose
-        agree = math.hypot(apart.x_m, apart.y_m) < SAME_M and abs(apart.heading_rad) < SAME_RAD
-        return found if agree else None
+        if math.hypot(apart.x_m, apart.y_m) >= SAME_M or abs(apart.heading_rad) >= SAME_RAD:
+            return None
+        self._before = None  # the pose is about to be corrected
+        return found

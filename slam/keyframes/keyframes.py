@@ -13,7 +13,7 @@ from drivers.measurements import FloatArray
 from slam.front_end.alignment_kernels import EarlierScans, surface_normals
 from slam.front_end.alignment_search import Search
 from slam.front_end.deskew import Beams
-from slam.front_end.wide_search import WIDE, View
+from slam.front_end.wide_search import LOOSE, View, WideSearch
 from slam.joint.gaussian import JointGaussian
 from slam.keyframes.far_loops import FarLoops
 from slam.pose import Pose2
@@ -31,7 +31,6 @@ MOST_POINTS = 200  # of a scan are laid onto a keyframe
 MOST_BEAMS = 541  # of a keyframe are kept
 LEAST_POINTS, LEAST_SHARE = 30, 0.5  # on surfaces of the keyframe
 FARTHEST_M, FARTHEST_RAD = 8.0, 0.5  # sigma beyond which it is not looked for at all
-WIDE_INFORMATION: FloatArray = np.asarray(np.linalg.inv(WIDE), dtype=np.float64)
 LARGEST_SQUARE = 50.0  # of a fit that contradicts the filter; farther off it is another place that looks alike
 INFORMATION_SHARE = 0.3  # of a fit's own claim: neighbouring scans share the errors of the keyframe
 
@@ -82,7 +81,7 @@ class Keyframes:
         self._keyframes: list[Keyframe] = []
         self._moved_from: FloatArray | None = None
         self._wanted = False
-        self._far = FarLoops(body_from_laser)
+        self._far = FarLoops()
         self._turn = 0
         self.fitted = 0
         self.closed = 0
@@ -136,7 +135,7 @@ class Keyframes:
         del self._keyframes[number:]
         self._joint.forget_keyframes(number)
         self._moved_from, self._wanted = None, False
-        self._far = FarLoops(self._body_from_laser)
+        self._far = FarLoops()
 
     def _candidates(self, between: FloatArray) -> list[int]:
         """Numbers of the nearest keyframe and of a few old ones nearby; between (K, 3): the body as seen from each."""
@@ -185,9 +184,10 @@ class Keyframes:
         if not WIDEST_M < math.sqrt(spread[0] + spread[1]) < FARTHEST_M or math.sqrt(spread[2]) > FARTHEST_RAD:
             return False
         keyframe = self._keyframes[number]
-        search = Search(points_m, keyframe.surfaces(self._laser_from_body))
-        found = self._far.find(number, search, (View.of(beams), keyframe.view), predicted, pose)
-        return found is not None and self._tell(number, *found, WIDE_INFORMATION)
+        onto = Search(points_m, keyframe.surfaces(self._laser_from_body))
+        search = WideSearch(onto, View.of(beams), keyframe.view, self._body_from_laser)
+        found = self._far.find(number, search, predicted, pose)
+        return found is not None and self._tell(number, found.motion, found.information, LOOSE)
 
     def _tell(self, number: int, motion: FloatArray, information: FloatArray, held: FloatArray) -> bool:
         """Condition the joint Gaussian on a fit (3,) with its information (3, 3), of which held (3, 3) came from the

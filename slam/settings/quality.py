@@ -20,12 +20,13 @@ class QualitySettings(BaseModel):
         default=0.8,
         gt=0,
         le=1000,
-        description="time without a scan that supports the pose, s, from which it is uncertain. Raise it where scans "
-        "come rarely: a few times the longest usual gap between them",
+        description="time without a scan that supports the pose, s, from which it is uncertain; twice the usual gap "
+        "between scans where that is longer. Raise it where the laser is known to see nothing at times",
     )
     lost_blind_s: float = Field(
         default=2.0,
         gt=0,
         le=1000,
-        description="the same for lost, s: the longest stretch that the rover may drive by its wheels alone",
+        description="the same for lost, s, or four times the usual gap: the longest stretch that the rover may drive "
+        "by its wheels alone",
     )

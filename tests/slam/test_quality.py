@@ -43,6 +43,26 @@ def test_landmarks_missed_in_plain_sight_make_the_pose_uncertain_and_then_lost()
     assert quality(*after(*[GOOD] * 20, GONE, GONE)) is Quality.LOST
 
 
+def test_a_laser_that_scans_rarely_is_not_silent_between_two_scans() -> None:
+    monitor, now_ns = QualityMonitor(SETTINGS), 0
+    for _ in range(30):
+        now_ns += 5_000_000_000
+        monitor.add(now_ns, GOOD)
+        if monitor.scans > 1:
+            assert quality(monitor, now_ns + 4_500_000_000) is Quality.TRACKING
+    assert quality(monitor, now_ns + 12_000_000_000) is Quality.UNCERTAIN
+    assert quality(monitor, now_ns + 25_000_000_000) is Quality.LOST
+
+
+def test_one_long_silence_does_not_make_the_next_one_usual() -> None:
+    monitor, now_ns = after(*[GOOD] * 20)
+    now_ns += 60_000_000_000
+    assert quality(monitor, now_ns) is Quality.LOST
+    monitor.add(now_ns, GOOD)
+    assert quality(monitor, now_ns) is Quality.TRACKING
+    assert quality(monitor, now_ns + 2_100_000_000) is Quality.LOST
+
+
 def test_lost_ends_only_when_what_is_found_makes_up_for_what_was_missed() -> None:
     some = replace(GOOD, found=4, against=-4.0)
     assert quality(*after(*[GONE] * 3, some)) is Quality.LOST

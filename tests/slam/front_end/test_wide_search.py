@@ -1,47 +1,19 @@
+import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from drivers.measurements import FloatArray, Scan
 from slam.front_end.alignment import Alignment
-from slam.front_end.alignment_kernels import EarlierScans, surface_normals
-from slam.front_end.alignment_search import Search
-from slam.front_end.deskew import Beams, Twist, deskew
-from slam.front_end.wide_search import View, WideSearch
 from slam.odometry.odometry import Increment
 from slam.pose import Pose2
 from slam.settings.front_end import FrontEndSettings
-from tests.support.slam.corridor import BEARINGS_RAD, RANGE_MAX_M, RANGE_SIGMA_M, ranges_of, ring_of_corridors
+from tests.support.slam.corridor import ring_of_corridors
+from tests.support.slam.wide import AT_A_CORNER, IN_A_CORRIDOR, MOUNT, scan_at, search_between, search_of
 
-MOUNT = Pose2(0.1, 0.0, 0.0)
-LINES = ring_of_corridors(2)
-AT_A_CORNER = Pose2(20.0, 0.0, 0.3)
-IN_A_CORRIDOR = Pose2(10.0, 0.0, 0.0)
 AT_REST = Increment(np.zeros(3), np.zeros((3, 3)), True, True, 0.1, 0.0, 0.0, 0.0)
-NARROW = np.diag((0.05**2, 0.02**2, 0.06**2))
 SETTINGS = FrontEndSettings.model_validate({"range_max_m": 20.0, "width_max_m": 0.4})
-
-
-def scan_at(pose: Pose2, number: int, lines: FloatArray = LINES) -> Scan:
-    noise = np.random.default_rng(number).normal(0.0, RANGE_SIGMA_M, BEARINGS_RAD.size)
-    ranges = (ranges_of(pose @ MOUNT, lines) + noise).astype(np.float32)
-    return Scan(number * 3_000_000_000, ranges, BEARINGS_RAD, range_max_m=RANGE_MAX_M)
-
-
-def search_of(before: Pose2, after: Pose2, lines: FloatArray = LINES) -> WideSearch:
-    last, new = beams_of(scan_at(before, 1)), beams_of(scan_at(after, 2, lines))
-    normals = np.empty_like(last.points_m)
-    surface_normals(last.points_m, last.spacing_rad, normals)
-    start = np.array(((-MOUNT.x_m, 0.0, 1.0, 0.0),))
-    past = EarlierScans(last.points_m[None], normals[None], start, float(BEARINGS_RAD[0]), last.spacing_rad)
-    points = new.points_m[~np.isnan(new.points_m[:, 0])]
-    return WideSearch(Search(MOUNT.transform(points), past), View.of(new), View.of(last), MOUNT)
-
-
-def beams_of(scan: Scan) -> Beams:
-    return deskew(scan, Twist(), MOUNT, 0.1, 20.0)
 
 
 @pytest.mark.parametrize("turned_deg", [-80, -60, -40, 40, 80])
@@ -49,7 +21,7 @@ def test_a_turn_that_the_wheels_said_nothing_of_is_found(turned_deg: float) -> N
     turn = Pose2(0.0, 0.0, math.radians(turned_deg))
     found = search_of(AT_A_CORNER, AT_A_CORNER @ turn).best(np.zeros(3))
     assert found is not None
-    off = turn.inverse() @ Pose2(*found[0].tolist())
+    off = turn.inverse() @ Pose2(*found.motion.tolist())
     assert math.hypot(off.x_m, off.y_m) < 0.1
     assert abs(off.heading_rad) < 0.03
 
@@ -58,14 +30,14 @@ def test_a_turn_that_leaves_little_in_common_is_found_rightly_or_not_at_all() ->
     for turned_deg in (-170, -140, -110, 110, 140, 170):
         turn = Pose2(0.0, 0.0, math.radians(turned_deg))
         found = search_of(AT_A_CORNER, AT_A_CORNER @ turn).best(np.zeros(3))
-        assert found is None or abs(math.remainder(found[0][2] - turn.heading_rad, 2.0 * math.pi)) < 0.05
+        assert found is None or abs(math.remainder(found.motion[2] - turn.heading_rad, 2.0 * math.pi)) < 0.05
 
 
 def test_a_rover_that_has_slid_metres_is_found() -> None:
     slid = Pose2(0.6, 0.0, 0.0)
     found = search_of(AT_A_CORNER, AT_A_CORNER @ slid).best(np.array((2.6, 0.1, 0.05)))
     assert found is not None
-    off = slid.inverse() @ Pose2(*found[0].tolist())
+    off = slid.inverse() @ Pose2(*found.motion.tolist())
     assert math.hypot(off.x_m, off.y_m) < 0.1
     assert abs(off.heading_rad) < 0.03
 
@@ -84,6 +56,30 @@ def test_a_scan_of_another_building_is_found_nowhere() -> None:
             assert search_of(AT_A_CORNER, pose, 1.4 * ring_of_corridors(seed)).best(np.zeros(3)) is None
 
 
+def test_where_pillars_stand_at_equal_distances_none_is_taken_for_another() -> None:
+    """Two walls whose pillars stand 1.5 m apart, their ends out of sight: the scan fits at every third half metre."""
+    lines = []
+    for y_m, side in ((1.2, -1.0), (-1.2, 1.0)):
+        lines.append((-90.0, y_m, 90.0, y_m))
+        for x_m in np.arange(-60.0, 60.0, 1.5).tolist():
+            inner = y_m + 0.3 * side
+            corners = ((x_m, y_m), (x_m, inner), (x_m + 0.3, inner), (x_m + 0.3, y_m))
+            lines += [(*one, *other) for one, other in itertools.pairwise(corners)]
+    hall = np.array(lines)
+    for slid_m in (1.5, 3.0):
+        search = search_between(scan_at(Pose2(), 1, hall), scan_at(Pose2(slid_m, 0.0, 0.2), 2, hall))
+        assert search.best(np.array((0.75, 0.0, 0.0))) is None
+
+
+def test_a_scan_that_shows_next_to_nothing_is_not_looked_for() -> None:
+    turned = scan_at(AT_A_CORNER @ Pose2(0.0, 0.0, 0.7), 2)
+    few = turned.ranges_m.copy()
+    few[30:] = np.nan
+    last = scan_at(AT_A_CORNER, 1)
+    assert search_between(last, turned).best(np.zeros(3)) is not None
+    assert search_between(last, replace(turned, ranges_m=few)).best(np.zeros(3)) is None
+
+
 def test_an_aligned_rover_that_was_turned_at_rest_knows_its_heading() -> None:
     alignment, turn = Alignment(SETTINGS, MOUNT), Pose2(0.0, 0.0, -1.4)
     for number in range(1, 5):
@@ -93,6 +89,17 @@ def test_an_aligned_rover_that_was_turned_at_rest_knows_its_heading() -> None:
     assert not told.at_rest
     assert told.mean == pytest.approx(turn.as_array(), abs=0.05)
     assert math.sqrt(told.covariance[2, 2]) < 0.05
+
+
+def test_a_wall_that_moves_before_a_rover_at_rest_does_not_move_the_rover() -> None:
+    """The door of a lift: three quarters of the view come nearer, the rest stays."""
+    alignment, still = Alignment(SETTINGS, MOUNT), scan_at(AT_A_CORNER, 1).ranges_m
+    for number in range(1, 5):
+        alignment.refine(replace(scan_at(AT_A_CORNER, 1), stamp_ns=number * 100_000_000), AT_REST)
+    moved = scan_at(AT_A_CORNER @ Pose2(0.25, 0.1, 0.05), 1).ranges_m.copy()
+    moved[:45] = still[:45]
+    told = alignment.refine(replace(scan_at(AT_A_CORNER, 1), stamp_ns=500_000_000, ranges_m=moved), AT_REST)
+    assert told is AT_REST
 
 
 def test_it_is_looked_for_once_a_second_at_most() -> None:
