@@ -8,6 +8,8 @@ from runtime.errors import UsageError
 HOW_TO_INSTALL = {
     "rerun": "pip install rerun-sdk, or drive without a picture: review.live = false",
     "matplotlib": "pip install 'infant[review]'",
+    "starlette": "pip install 'infant[page]'",
+    "uvicorn": "pip install 'infant[page]'",
     "cyclonedds": "pip install 'infant[ros2]' on x86-64 with Python up to 3.13, or use infant bridge rclpy",
 }
 

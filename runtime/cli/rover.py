@@ -1,4 +1,4 @@
-"""Commands that speak to a running rover: command, bridge ros2, bridge rclpy."""
+"""Commands that speak to a running rover: command, page, bridge ros2, bridge rclpy."""
 
 import sys
 import threading
@@ -115,6 +115,26 @@ def command(
         raise UsageError(f"{rover} refused {asked.value}: {answer.reason}")
 
 
-COMMANDS = (command,)
+def page(
+    rover: Rover = None,
+    connect: Connect = None,
+    zenoh_file: ZenohFile = None,
+    host: Annotated[str, typer.Option("--host", help="address of this machine to serve at")] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0: any that is free")] = 8448,
+    runs: Annotated[Path, typer.Option("--runs", metavar="DIR", help="folder whose runs are listed")] = Path("runs"),
+    commands: Annotated[
+        bool,
+        typer.Option("--commands", help="buttons for mark and stop; on the loopback only, and as the rover allows"),
+    ] = False,
+    duration: Duration = None,
+) -> None:
+    """Serve a page that shows a running rover to a browser: state, map, sensors, events, runs."""
+    from runtime.page.serve import ServeOptions, serve_page
+
+    file = None if zenoh_file is None else str(zenoh_file)
+    serve_page(ServeOptions(host, port, connect, rover, file, runs, commands), stopping(duration), sys.stderr)
+
+
+COMMANDS = (command, page)
 BRIDGE_COMMANDS = (ros2, rclpy)
 BRIDGE_HELP = "A running rover for ROS 2."
