@@ -15,6 +15,7 @@ import threading
 import time
 from pathlib import Path
 
+from drivers.stoppable_thread import told
 from runtime.messages.pipe import CARRIED, DRAWN, SEGMENT, write_frame
 from runtime.messages.tick import Record
 from runtime.service.memory import resident_mb
@@ -147,12 +148,17 @@ class ReviewProcess:
                     self._renew()
             assert self._child.stdin is not None
             self._child.stdin.close()
-        except Exception as error:  # noqa: BLE001 a frame that was cut in two ends what the child understands
-            if not isinstance(error, OSError):
-                self._child.kill()
-            why = f"the drawing process has ended ({self._last_words()}); infant review makes the picture"
-            self._trouble = self._trouble or why  # close() knows better when it has ended the child itself
-            self._dropped += 1 + self._forget_waiting()
+        except OSError:
+            self._give_up(self._last_words())
+        except BaseException as error:  # noqa: BLE001 a frame that was cut in two ends what the child understands
+            self._child.kill()
+            self._give_up(told(error))
+
+    def _give_up(self, cause: str) -> None:
+        """Nothing is drawn any more, and why."""
+        why = f"the drawing process has ended ({cause}); infant review makes the picture"
+        self._trouble = self._trouble or why  # close() knows better when it has ended the child itself
+        self._dropped += 1 + self._forget_waiting()
 
     def _forget_waiting(self) -> int:
         """Empty the queue that nobody serves any more; returns how many records that were."""

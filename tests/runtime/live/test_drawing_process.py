@@ -18,6 +18,7 @@ from runtime.messages.tick import Record
 from runtime.settings.review import ReviewSettings
 from runtime.source_tree import ROOT
 from runtime.tick import SinkHealth
+from tests.support.drivers.raising import raise_in
 from tests.support.runtime.drawn_drive import MOUNT, drive
 from tests.support.zenoh.wire import until
 
@@ -77,6 +78,19 @@ def test_a_dead_child_is_a_state_with_its_reason(tmp_path: Path) -> None:
     assert dropped >= 1
     process.feed(Record("/tick", 0, b""))
     assert process.health() == SinkHealth(0, dropped + 1, process.health().trouble)
+    process.close()
+
+
+def test_whatever_is_raised_in_its_thread_ends_the_picture_and_is_told(tmp_path: Path) -> None:
+    process = ReviewProcess(tmp_path / "review.rrd", ReviewSettings())
+    raise_in("review")
+
+    def fed() -> bool:
+        process.feed(Record("/gap", 0, bytes(100)))
+        return process.health().trouble != ""
+
+    assert until(fed)
+    assert "the drawing process has ended (OutOfNowhere() File" in process.health().trouble
     process.close()
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from drivers.measurements import Event, SensorHealth
 from runtime.live.clock import Clock, MonotonicClock
@@ -90,9 +90,12 @@ class LiveRun:
 
 
 @contextmanager
-def live_run(path: Path) -> Iterator[LiveRun]:
-    """`infant run` in a thread, driving since its first scan; ended and recorded when the block ends."""
-    base = load_configuration_text(CONFIGURATION)
+def live_run(path: Path, overrides: dict[str, str] | None = None, shown: TextIO | None = None) -> Iterator[LiveRun]:
+    """`infant run` in a thread, driving since its first scan; ended and recorded when the block ends.
+
+    shown: where its status line goes.
+    """
+    base = load_configuration_text(CONFIGURATION, overrides or {})
     assert base.simulation is not None
     assert base.laser is not None
     assert base.encoders is not None
@@ -107,7 +110,7 @@ def live_run(path: Path) -> Iterator[LiveRun]:
         return found[0]
 
     stop, folder = threading.Event(), RunFolder.create(path, path.parent)
-    host = Host(MonotonicClock(), stop, io.StringIO(), ServiceManager(""))
+    host = Host(MonotonicClock(), stop, shown or io.StringIO(), ServiceManager(""))
     thread = threading.Thread(target=run_live, args=(configuration, folder, host, None, wire))
     thread.start()
     try:
