@@ -137,7 +137,7 @@ class ScanAssembly:
             return None
         if reading is CounterStatus.RESTARTED:
             self.clock_restarted = True
-            self._events.add(arrival_ns, "clock_restarts", "the laser's clock began anew")
+            self._events.add(arrival_ns, "clock_restarts", "the laser's clock started again from zero")
         if self._is_frozen(arrival_ns, data.codes):
             return None
         lateness_ns = self._clock.lateness_ns(arrival_ns)

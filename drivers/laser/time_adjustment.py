@@ -79,7 +79,7 @@ class TimeAdjustment:
             if not answers:
                 self._advise("no_time_sync", NO_CLOCK, Severity.INFO)
         if self._clock.synchronise(answers, nominal_delay_ns) is CounterStatus.RESTARTED:
-            self._events.add(self._now_ns(), "clock_restarts", "the laser's clock began anew")
+            self._events.add(self._now_ns(), "clock_restarts", "the laser's clock started again from zero")
 
     def is_due(self) -> bool:
         """Whether to ask again is worth the scan or two that it costs."""

@@ -13,32 +13,46 @@ for stream in (0, 1, 2):  # where one is closed, the next file that is opened wo
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: other thread counts change bits and cost the loop
 os.environ.setdefault("RERUN_ANALYTICS", "off")
 
+from typing import Annotated, Any, NoReturn
+
 import typer
 
-from runtime.cli import install, live, log, maps, rover, runs, studies
-from runtime.errors import InfantError, StorageError
+from runtime.cli import live, log, maps, prepare, rover, runs, studies
+from runtime.cli.help import GroupedCommands, WholeSentences, epilog, show_version
+from runtime.cli.output import begin_answering, has_answered, say_json
+from runtime.errors import InfantError, StorageError, UsageError
 from runtime.printable import printable, printable_lines
 
 app = typer.Typer(
     name="infant",
-    help="The runtime that tells a rover where it is.",
+    cls=GroupedCommands,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for group in (live, install, runs, log, rover, studies):
+for group in (live, prepare, runs, log, rover, studies):
     for command in group.COMMANDS:
-        app.command(command.__name__.rstrip("_"))(command)  # import_ is a word of Python without its underscore
+        word = command.__name__.rstrip("_")  # import_ is a word of Python without its underscore
+        app.command(word, epilog=epilog(word))(command)
 GROUPS = {
     "log": (log.LOG_HELP, log.LOG_COMMANDS),
     "map": (maps.MAP_HELP, maps.MAP_COMMANDS),
     "bridge": (rover.BRIDGE_HELP, rover.BRIDGE_COMMANDS),
 }
 for name, (text, commands) in GROUPS.items():
-    group_app = typer.Typer(name=name, help=text, no_args_is_help=True)
+    group_app = typer.Typer(name=name, help=text, no_args_is_help=True, cls=WholeSentences)
     for command in commands:
-        group_app.command()(command)
+        group_app.command(epilog=epilog(f"{name} {command.__name__}"))(command)
     app.add_typer(group_app)
+
+
+@app.callback()
+def infant(
+    version: Annotated[
+        bool, typer.Option("--version", callback=show_version, is_eager=True, help="print the version and end")
+    ] = False,
+) -> None:
+    """Tell a rover where it is: a laser scanner and wheel encoders in, a pose with its covariance out."""
 
 
 def main() -> None:
@@ -47,18 +61,51 @@ def main() -> None:
     Anything else is a defect of ours: its traceback is shown, and the exit code is 70.
     """
     sys.stdout, sys.stderr = (stream or open(os.devnull, "w") for stream in (sys.stdout, sys.stderr))  # noqa: SIM115
+    as_json = "--json" in sys.argv[1:]
+    begin_answering()
     try:
+        if as_json:
+            sys.exit(run_for_a_program())
         app()
     except InfantError as error:
-        print(f"infant: {printable_lines(str(error))}", file=sys.stderr)
-        sys.exit(error.exit_code)
+        end(str(error), error.exit_code, as_json)
     except OSError as error:  # a file that may not be read, a disk that fails, a terminal that has gone
         where = printable(str(error.filename or "a file"))
-        print(f"infant: {where}: {error.strerror or error}; check the file, its disk and the rights", file=sys.stderr)
-        sys.exit(StorageError.exit_code)
-    except Exception:  # noqa: BLE001 the service manager has to tell a defect from the rest
+        sentence = f"{where}: {error.strerror or error}; check the file, its disk and its permissions"
+        end(sentence, StorageError.exit_code, as_json)
+    except Exception as error:  # noqa: BLE001 the service manager has to tell a defect from the rest
         traceback.print_exc()
+        if as_json:
+            say_error(f"{type(error).__name__}: {error}", InfantError.exit_code)
         sys.exit(InfantError.exit_code)
+
+
+def run_for_a_program() -> int:
+    """Run the command and return its exit code; words that do not fit raise UsageError and not lines for a person."""
+    try:
+        result: Any = app(standalone_mode=False)
+    except Exception as error:
+        if hasattr(error, "format_message"):  # typer brings a click of its own, whose types have no name here
+            raise UsageError(error.format_message() or "no command is given; see infant --help") from error
+        if type(error).__name__ == "Abort":
+            raise UsageError("interrupted") from error
+        raise
+    return result if isinstance(result, int) else 0
+
+
+def end(sentence: str, exit_code: int, as_json: bool) -> NoReturn:
+    """Say why the command ends: a sentence on standard error, and for a program an object on standard output."""
+    print(f"infant: {printable_lines(sentence)}", file=sys.stderr)
+    if as_json:
+        say_error(sentence, exit_code)
+    sys.exit(exit_code)
+
+
+def say_error(sentence: str, exit_code: int) -> None:
+    """One JSON object, unless the command has answered with its own already."""
+    if not has_answered():
+        with suppress(OSError):  # whoever reads may have gone
+            say_json({"error": {"exit_code": exit_code, "reason": sentence}})
 
 
 if __name__ == "__main__":

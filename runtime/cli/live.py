@@ -34,9 +34,10 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Run live: sensors in, pose out, everything recorded. Ctrl-C ends it and keeps everything."""
+    from runtime.errors import SensorError
     from runtime.live.clock import MonotonicClock
     from runtime.live.run import Host, run_live
-    from runtime.live.summary import summary_lines
+    from runtime.live.summary import silence, summary_lines
     from runtime.map_files.start import choose_start
     from runtime.record.folder import RunFolder
     from runtime.service.systemd import ServiceManager
@@ -64,6 +65,8 @@ def run(
         say_json(summary)
     else:
         say(*summary_lines(summary))
+    if summary["ticks"] and (sentence := silence(summary, str(config))):
+        raise SensorError(sentence)
 
 
 SIMULATED_DURATION_S = 60.0
@@ -151,7 +154,7 @@ def check(
         say_json({"config": str(config), "sha256": configuration.sha256} | preflight_result(checks))
     if worst_result(checks) is CheckResult.FAIL:
         failed = ", ".join(each.name for each in checks if each.verdict is CheckResult.FAIL)
-        raise PreflightError(f"not ready to drive: {failed}; the remedy stands beside each")
+        raise PreflightError(f"not ready to drive: {failed}; each line above says what to do")
 
 
 def status(

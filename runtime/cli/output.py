@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable
+from contextvars import ContextVar
 from typing import Any
 
 import typer
@@ -9,6 +10,18 @@ import typer
 from runtime.printable import printable
 
 WHOLE = 1 << 30  # characters: lines are not cut here
+
+_ANSWERED: ContextVar[bool] = ContextVar("answered", default=False)
+
+
+def begin_answering() -> None:
+    """A new command begins: it has printed no JSON object yet."""
+    _ANSWERED.set(False)
+
+
+def has_answered() -> bool:
+    """Whether this command has printed its JSON object: there is only one."""
+    return _ANSWERED.get()
 
 
 def say(*lines: str, err: bool = False) -> None:
@@ -18,6 +31,7 @@ def say(*lines: str, err: bool = False) -> None:
 
 def say_json(value: Any) -> None:
     """Print one JSON object and nothing else."""
+    _ANSWERED.set(True)
     typer.echo(json.dumps(value).replace("\x7f", "\\u007f"))  # all other control characters JSON escapes itself
 
 

@@ -150,7 +150,7 @@ def rate(
     set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run beside busy neighbours and print how the loop kept its rate, and how long each stage took."""
+    """Run while other processes keep the computer busy; print how the loop kept its rate and what each stage took."""
     from runtime.studies.rate import measure_rate, rate_lines
 
     measured = measure_rate(config, minutes, hogs, fsync, privileges, set_ or [])

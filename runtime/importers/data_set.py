@@ -87,17 +87,18 @@ def import_data_set(
     writer = RunWriter(folder.mcap_path, header.metadata, {ATTACHMENT: truth.attachment()} if truth else {})
     spacing_ns = SLOW_SPACING_NS if wheels and isinstance(wheels[0], OdometryPose) else FAST_SPACING_NS
     count = sightings = last_ns = 0
-    raw = archive.raw() if archive.raw is not None else iter(())
-    waiting = next(raw, None)
-    for tick in ticks(scans, wheels, spacing_ns):
-        while waiting is not None and waiting.stamp_ns <= tick.stamp_ns:
-            writer.add([waiting])
-            waiting = next(raw, None)
-        writer.add(input_records(tick))
-        count, sightings, last_ns = count + 1, sightings + (tick.scan is not None), tick.stamp_ns
-    for record in itertools.chain(() if waiting is None else (waiting,), raw):
-        writer.add([record])
-    writer.close()
+    with folder.gone_if_interrupted():
+        raw = archive.raw() if archive.raw is not None else iter(())
+        waiting = next(raw, None)
+        for tick in ticks(scans, wheels, spacing_ns):
+            while waiting is not None and waiting.stamp_ns <= tick.stamp_ns:
+                writer.add([waiting])
+                waiting = next(raw, None)
+            writer.add(input_records(tick))
+            count, sightings, last_ns = count + 1, sightings + (tick.scan is not None), tick.stamp_ns
+        for record in itertools.chain(() if waiting is None else (waiting,), raw):
+            writer.add([record])
+        writer.close()
     told, warnings = archive.left_out.sentences({"scans": sightings, "odometry samples": len(wheels)})
     return {
         "run": str(folder.path),

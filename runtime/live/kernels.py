@@ -1,9 +1,12 @@
 """The compiled kernels, loaded without what compiling them would leave in the loop's memory."""
 
+import contextlib
 import hashlib
 import os
+import re
 import subprocess
 import sys
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -14,17 +17,38 @@ from slam.settings.slam import SlamSettings
 COMPILE = (sys.executable, "-c", "from slam.estimator import Estimator; Estimator.warm_up()")
 
 
-def load_kernels(settings: SlamSettings) -> None:
+KERNEL = re.compile(r"^@(?:kernel|leaf|inlined)$", re.MULTILINE)  # nearly each leaves an index file in the cache
+POLL_S = 1.0
+
+
+def load_kernels(settings: SlamSettings, tell: Callable[[str], None]) -> None:
     """Load every kernel, so that the first tick is as quick as the others.
+
+    tell: told how far compiling is, where that is needed.
 
     Where the cache does not hold them a process of its own fills it: the compiler would leave 200 MB behind in this
     one. Should that fail, they are compiled here.
     """
     cache = use_compile_cache(os.environ)
     if is_kept(cache) and not _marker(cache).exists():
-        subprocess.run(COMPILE, check=False)
+        with subprocess.Popen(COMPILE) as compiling:
+            _tell_progress(cache, compiling, tell)
     Estimator.warm_up(settings)
     mark_complete(cache)
+
+
+def _tell_progress(cache: Path, compiling: "subprocess.Popen[bytes]", tell: Callable[[str], None]) -> None:
+    """Say how many kernels are compiled whenever that changes, until the process ends."""
+    total = sum(len(KERNEL.findall(path.read_text(encoding="utf-8"))) for path in SOURCES.rglob("*.py"))
+    shown = -1
+    while True:
+        done = min(total, sum(1 for _ in cache.rglob("*.nbi")))
+        if done != shown:
+            tell(f"starting: compiling kernels {done} of {total} (once after each change of the program)")
+            shown = done
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            compiling.wait(POLL_S)
+            return
 
 
 def mark_complete(cache: Path) -> None:

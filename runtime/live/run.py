@@ -58,7 +58,7 @@ def run_live(
     watch = Watch(host, parts, configuration.loop.rate_hz)
     try:
         events = watch.enter(RunState.STARTING)
-        load_kernels(configuration.slam)
+        load_kernels(configuration.slam, watch.line.announce)
         estimator = Estimator(configuration.slam, configuration.seed, stages.mark, start=for_estimator(start))
         loop = Loop(
             stages,

@@ -43,6 +43,10 @@ class StatusLine:
             self._stream.write(text)
             self._stream.flush()
 
+    def announce(self, text: str) -> None:
+        """Something to know before the first tick: it takes the line on a terminal, and one of its own elsewhere."""
+        self.write(f"\r\x1b[K{text}" if self._terminal else f"{text}\n")
+
     def _show(self) -> None:
         shown: tuple[CompletedTick, Health] | None = None
         while not self._thread.wait(TERMINAL_PERIOD_S if self._terminal else LOG_PERIOD_S):

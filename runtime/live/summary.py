@@ -49,11 +49,15 @@ class ErrorTrack:
     odometry: SquaredErrors = field(default_factory=SquaredErrors)
     last: Estimate | None = None
     landmarks: int = 0
+    scans: int = 0
+    wheel_samples: int = 0
 
     def put(self, completed: CompletedTick) -> None:
         """One tick."""
         estimate, truth = completed.estimate, completed.truth
         self.last = estimate
+        self.scans += completed.tick.scan is not None
+        self.wheel_samples += sum(getattr(sample, "valid", True) for sample in completed.tick.wheels)
         self.landmarks = int(estimate.counts.get("landmarks", self.landmarks))
         if truth is not None:
             self.slam.add(estimate.map_from_body, truth)
@@ -75,6 +79,8 @@ def summarise(
         "run": run,
         "ticks": timekeeping.ticks,
         "missed": timekeeping.missed,
+        "scans": errors.scans,
+        "wheel_samples": errors.wheel_samples,
         "rate_hz": round(timekeeping.rate_hz, 4),
         "beat_hz": round(timekeeping.beat_hz, 6),
         "lateness_ms": timekeeping.lateness.spread(),
@@ -109,4 +115,11 @@ def summary_lines(summary: dict[str, Any]) -> list[str]:
         )
     lines += end_lines(summary["map"]) if "map" in summary else []
     lines.append(f"run       {summary['run']}")
-    return lines
+    return [*lines, f"next      infant review {summary['run']}"]
+
+
+def silence(summary: dict[str, Any], config: str) -> str:
+    """One sentence where neither sensor sent anything usable in the whole run, else ""."""
+    if summary["scans"] or summary["wheel_samples"]:
+        return ""
+    return f"no sensor sent anything in the whole run; 'infant check --config {config} --live' shows what is wrong"

@@ -2,7 +2,9 @@
 
 import json
 import re
-from collections.abc import Mapping
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -48,6 +50,15 @@ class RunFolder:
         if occupied:
             raise RunExistsError(f"{path} exists and is not empty; runs are never overwritten, give another --out")
         return cls(path)
+
+    @contextmanager
+    def gone_if_interrupted(self) -> Iterator[None]:
+        """Take the folder, just made, away again where Ctrl-C leaves it half written."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            shutil.rmtree(self.path, ignore_errors=True)
+            raise
 
     @classmethod
     def open(cls, path: Path) -> "RunFolder":

@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -92,9 +93,8 @@ def replay(
 ) -> ReplayResult:
     """Step the estimator over every tick; write a run of its own into `out`; with `verify` compare with the record.
 
-    start: the saved map that it begins in.
-
-    Ticks stream through one by one: memory does not grow with the length of the run. Raises StorageError.
+    start: the saved map that it begins in. Ticks stream through one by one: memory does not grow with the length of
+    the run. Raises StorageError.
     """
     make = estimator_factory or partial(Estimator, start=for_estimator(start))
     estimator = make(configuration.slam, configuration.seed)
@@ -154,10 +154,11 @@ def replay_run(
     if out is not None or reader.header.is_import:
         folder = reader.folder.new_replay(out)
         folder.write_configuration(configuration.text)
-    Estimator.warm_up(configuration.slam)
-    if folder is not None and start is not None:
-        start.keep_in(folder)
-    result = replay(reader, configuration, folder, verify, progress, start=start)
+    with nullcontext() if folder is None else folder.gone_if_interrupted():
+        Estimator.warm_up(configuration.slam)
+        if folder is not None and start is not None:
+            start.keep_in(folder)
+        result = replay(reader, configuration, folder, verify, progress, start=start)
     others = [*other_versions(reader.header.versions), *ignored_settings(reader.header.configuration_text)]
     if result.difference and others:
         result.difference += f" (recorded with other code: {'; '.join(others)})"
@@ -206,7 +207,7 @@ def _configuration(reader: RunReader, run: Path, config: Path | None, overrides:
         if not reader.header.is_import:
             return configuration
         recorded = load_configuration_text(reader.header.configuration_text, source=f"configuration of {run}")
-        return load_configuration(config, {**mount_of_import(recorded, configuration), **overrides})
+        return load_configuration(config, mount_of_import(recorded, configuration) | dict(overrides))
     return load_configuration_text(reader.header.configuration_text, overrides, f"configuration of {run}")
 
 
@@ -239,12 +240,11 @@ def _writer(
 
 def _records(recorded: RecordedTick, estimate: Estimate, step_ns: int, state_hash: bytes, defect: str) -> list[Record]:
     """The tick as it stood, with the new outcome; lateness and missed beats remain those of the drive."""
-    was = recorded.timing
-    timing = Timing(was.lateness_ns if was else 0, was.missed if was else 0, {"step": step_ns})
+    was = recorded.timing or Timing(0, 0, {})
+    timing = Timing(was.lateness_ns, was.missed, {"step": step_ns})
     completed = CompletedTick(recorded.tick, estimate, timing, state_hash, None, defect)
     records = recorded.inputs + outcome_records(completed)
-    truth = recorded.outcomes.get("/truth")
-    return records if truth is None else [*records, truth]
+    return records + [truth for topic, truth in recorded.outcomes.items() if topic == "/truth"]
 
 
 def _note(result: ReplayResult, recorded: RecordedTick, estimate: Estimate) -> None:

@@ -1,6 +1,7 @@
 import os
 import subprocess
 from pathlib import Path
+from typing import Self
 
 import pytest
 
@@ -18,33 +19,58 @@ def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[object]:
     (tmp_path / "kernels" / sources_hash()).mkdir(parents=True, mode=0o700)
     (tmp_path / "kernels").chmod(0o700)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels" / sources_hash()))
-    monkeypatch.setattr(subprocess, "run", lambda command, check: commands.append(command))
+
+    class Compiling:
+        """Writes one index file, then is done."""
+
+        def __init__(self, command: object) -> None:
+            self._waits = 0
+            commands.append(command)
+
+        def __enter__(self) -> Self:
+            return self
+
+        def __exit__(self, *_error: object) -> None:
+            pass
+
+        def wait(self, timeout_s: float) -> None:
+            self._waits += 1
+            if self._waits == 1:
+                (tmp_path / "kernels" / sources_hash() / "a.nbi").touch()
+                raise subprocess.TimeoutExpired("compile", timeout_s)
+
+    monkeypatch.setattr(subprocess, "Popen", Compiling)
     monkeypatch.setattr(Estimator, "warm_up", lambda settings: None)
     return commands
 
 
-def test_an_empty_cache_is_filled_by_another_process_and_only_once(compiled: list[object]) -> None:
-    kernels.load_kernels(SlamSettings())
-    kernels.load_kernels(SlamSettings())
+def test_an_empty_cache_is_filled_by_another_process_and_only_once(
+    compiled: list[object], capsys: pytest.CaptureFixture[str]
+) -> None:
+    kernels.load_kernels(SlamSettings(), print)
+    kernels.load_kernels(SlamSettings(), print)
     assert compiled == [kernels.COMPILE]
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.startswith("starting: compiling kernels 0 of ")
+    assert second.startswith("starting: compiling kernels 1 of ")
 
 
 def test_a_file_that_was_written_again_is_compiled_again(compiled: list[object], tmp_path: Path) -> None:
     """numba compares times: a checkout that changes no byte makes it compile."""
-    kernels.load_kernels(SlamSettings())
+    kernels.load_kernels(SlamSettings(), print)
     sources = tmp_path / "slam"
     sources.mkdir()
     (sources / "a.py").write_text("")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernels, "SOURCES", sources)
-        kernels.load_kernels(SlamSettings())
-        kernels.load_kernels(SlamSettings())
+        kernels.load_kernels(SlamSettings(), print)
+        kernels.load_kernels(SlamSettings(), print)
         os.utime(sources / "a.py", ns=(1, 1))
-        kernels.load_kernels(SlamSettings())
+        kernels.load_kernels(SlamSettings(), print)
     assert len(compiled) == 3
 
 
 def test_after_warmup_the_first_run_needs_no_other_process(compiled: list[object]) -> None:
     kernels.mark_complete(Path(os.environ["NUMBA_CACHE_DIR"]))
-    kernels.load_kernels(SlamSettings())
+    kernels.load_kernels(SlamSettings(), print)
     assert compiled == []

@@ -1,11 +1,11 @@
-"""The command that makes Infant a service: install."""
+"""Commands before the first drive: config, install."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from runtime.cli.output import say, say_json
+from runtime.cli.output import answer, say, say_json
 from runtime.cli.progress import AsJson
 
 
@@ -45,4 +45,32 @@ def install(
             say("removed" if remove else "installed")
 
 
-COMMANDS = (install,)
+def config(
+    defaults: Annotated[bool, typer.Option("--defaults", help="every key with its default")] = False,
+    explain: Annotated[
+        str | None,
+        typer.Option("--explain", metavar="KEY", help="what a key or table means, and how to find its value"),
+    ] = None,
+    diff: Annotated[
+        Path | None, typer.Option("--diff", metavar="FILE", help="what a configuration changes from the defaults")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show the keys of the configuration: their defaults, what they mean, and what a file changes."""
+    from runtime.errors import UsageError
+    from runtime.setup import key_facts
+
+    if sum((defaults, explain is not None, diff is not None)) != 1:
+        raise UsageError("give one of --defaults, --explain KEY and --diff FILE")
+    if explain is not None:
+        facts = key_facts.explained(explain)
+        answer({"keys": [fact.as_json() for fact in facts]}, key_facts.explained_lines(facts), as_json)
+    elif diff is not None:
+        changes = key_facts.changed(diff)
+        answer({"config": str(diff), "changed": changes}, key_facts.changed_lines(changes), as_json)
+    else:
+        facts = key_facts.all_keys()
+        answer({"keys": [fact.as_json() for fact in facts]}, key_facts.default_lines(facts), as_json)
+
+
+COMMANDS = (config, install)
