@@ -7,6 +7,7 @@ from runtime.errors import UsageError
 
 HOW_TO_INSTALL = {
     "rerun": "pip install rerun-sdk, or drive without a picture: review.live = false",
+    "gtsam": "pip install 'infant[smooth]'",
     "matplotlib": "pip install 'infant[review]'",
     "starlette": "pip install 'infant[page]'",
     "uvicorn": "pip install 'infant[page]'",

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +53,23 @@ class Recognition:
     matches: int = 0
     moved_m: float = 0.0
     turned_rad: float = 0.0
+
+
+class KeyframeFit(NamedTuple):
+    """A scan laid onto the keyframe of this number: the body (3,) as seen from it, and its information (3, 3)."""
+
+    keyframe: int
+    motion: FloatArray
+    information: FloatArray
+
+
+class MapProgress(NamedTuple):
+    """map_id, and how many scans and keyframes that map has; unrooted: scans since its rooted part was left."""
+
+    map_id: int
+    scans: int
+    keyframes: int
+    unrooted: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)

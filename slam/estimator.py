@@ -24,7 +24,7 @@ from slam.particles.fastslam import FastSlam, ScanOutcome
 from slam.quality import QualityMonitor
 from slam.recognise.local_points import around
 from slam.recognise.warm_up import warm_up_recognition
-from slam.relocalise.local_map import ScanSeen
+from slam.relocalise.local_map import ScanSeen, ScanTaken, no_witness
 from slam.relocalise.relocaliser import Relocaliser
 from slam.settings.slam import SlamSettings
 from slam.visibility import BLIND, sight_line
@@ -50,12 +50,14 @@ class Estimator:
         mark: Callable[[str], None] = no_mark,
         map_every: int = MAP_EVERY,
         start: MapStart | None = None,
+        witness: Callable[[ScanTaken], None] = no_witness,
     ) -> None:
         """mark: told the name of each stage of a step as it ends, for someone who has a clock. map_every: the map goes
         with every so many-th estimate. start: the saved map that the drive begins in, else its map begins where it is.
+        witness: told of every scan what the joint Gaussian made of it.
         """
         self._settings = settings
-        self._mark = mark
+        self._mark, self._witness = mark, witness
         self._map_every = map_every
         self._generator = np.random.default_rng(seed)
         self._body_from_laser = settings.mount.as_pose()
@@ -124,7 +126,7 @@ class Estimator:
 
     def _scan_step(self, stamp_ns: int, scan: ScanLike, by_wheels: Increment) -> Estimate:
         """The step of the paper, one stage after the other."""
-        increment = self._alignment.refine(scan, by_wheels)
+        measured = increment = self._alignment.refine(scan, by_wheels)
         before = self._joint.map_from_body
         self._joint.predict(increment.mean, increment.covariance)
         laid = self._alignment.laid
@@ -159,7 +161,11 @@ class Estimator:
 
         # the way back, where the pose is in doubt or a place may be known
         seen = ScanSeen(scan.stamp_ns, increment.mean, increment.covariance, rows, sight, seen_share, arrived)
+        fits = () if laid is None else tuple(self._keyframes.fits)
+        told = (seen, measured, self._odometry.odom_from_body, matched, fits, self._relocaliser.here.progress)
         recognition = self._find_back(seen, matched)
+        after = (self._relocaliser.here.progress, self._joint.map_from_body, self._joint.covariance)
+        self._witness(ScanTaken(*told, *after))
         self._mark("relocalise")
 
         matches = verdicts_of_all(rows, outcome.matches, len(features))

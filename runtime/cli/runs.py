@@ -1,4 +1,4 @@
-"""Commands on a recorded run: replay, import, evaluate, review, compare, view, export."""
+"""Commands on a recorded run: replay, import, evaluate, smooth, review, compare, view, export."""
 
 import sys
 from enum import StrEnum
@@ -109,6 +109,14 @@ def evaluate(
         result = evaluation.evaluate(run, truth)
     answer(result, evaluation.evaluation_lines(result), as_json)
     _end_with_defects(result["defects"], allow_defects)
+
+
+def smooth(run: Run, as_json: AsJson = False) -> None:
+    """Smooth path and landmarks of a run by all that it saw, and find the matches that this refutes; needs gtsam."""
+    from runtime.smooth.smooth import smooth_lines, smooth_run
+
+    result = smooth_run(run, progress_bar("replay"))
+    answer(result, smooth_lines(result), as_json)
 
 
 def review(
@@ -227,4 +235,4 @@ def export(
     answer(result, export_lines(result), as_json)
 
 
-COMMANDS = (replay, import_, evaluate, calibrate, review, compare, view, export)
+COMMANDS = (replay, import_, evaluate, smooth, calibrate, review, compare, view, export)

@@ -10,6 +10,7 @@ from runtime.errors import UsageError
 from runtime.evaluate.against_truth import fitted_error, path_error
 from runtime.evaluate.errors import PositionError, position_error
 from runtime.evaluate.rows import poses_at, read_tum, tum_text
+from runtime.evaluate.smoothed import against_smoothed, smoothed_lines
 from runtime.evaluate.truth import NO_OFFSET, DataSetTruth, Mount
 from runtime.fault_isolation import defects_line
 from runtime.record.reader import RunReader
@@ -44,6 +45,7 @@ def evaluate(run: Path, truth: Path | None = None) -> dict[str, Any]:
         held = DataSetTruth(poses=trajectories.simulated, of_body=True)
     elif held is not None:
         figures |= against_data_set(trajectories, held, body_from_laser)
+    figures |= against_smoothed(folder, estimates.folder, held, body_from_laser)
     written = {"trajectory": trajectories.estimated, "odometry": trajectories.odometry}
     if held is not None and (places := held.places_of_body(body_from_laser)) is not None:
         written["truth"] = places
@@ -104,6 +106,7 @@ def evaluation_lines(figures: dict[str, Any]) -> list[str]:
             f"average; odometry alone {figures['odometry_relation_translation_m']:.3f} m, "
             f"{figures['odometry_relation_rotation_deg']:.2f} deg"
         )
+    lines += smoothed_lines(figures)
     lines.append(f"for evo   {', '.join(path for key in TUM_FILES if (path := figures[key]))}")
     if figures["truncated"]:
         lines.append(f"note      {figures['truncated']}")

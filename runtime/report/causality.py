@@ -16,6 +16,7 @@ FOLLOWERS = {  # kind that follows: kinds that may be its cause, and whether the
     "pose_uncertain": (UPSTREAM, True),
     "pose_jumps": (UPSTREAM, True),
     "no_landmarks": (UPSTREAM, True),
+    "parted_from_smoothed": (("wrong_matches",), True),
     "worse_than_odometry": ((*UPSTREAM, "pose_"), False),
     "underconfident": (UPSTREAM, False),
     "overconfident": ((*UPSTREAM, "pose_", "worse_"), False),

@@ -10,6 +10,7 @@ from drivers.measurements import BoolArray, Event, FloatArray
 from runtime.calibrate.drive_data import DriveData
 from runtime.calibrate.result import Calibration
 from runtime.calibrate.scans.orientation import AS_BELIEVED, Orientation
+from runtime.evaluate.smoothed import SmoothedResult
 from runtime.messages.tick import Gap
 from runtime.settings.configuration import Configuration
 from slam.estimate import LandmarkMap
@@ -105,7 +106,7 @@ class RunFacts:
     imported: recorded by software of others, whose rates and gaps are the recording's own. defects: s since the first
     tick and reason of every step that raised. stuck_encoders, orientation (of the laser, against the configuration),
     calibration: what `calibrated` adds; None where `drive` has nothing to calibrate by. known_map: the saved map that
-    the run began in, None where it began without.
+    the run began in, None where it began without. smoothed: what `infant smooth` made of these estimates, if it did.
     """
 
     name: str
@@ -130,6 +131,7 @@ class RunFacts:
     orientation: Orientation = AS_BELIEVED
     calibration: Calibration | None = None
     known_map: LandmarkMap | None = None
+    smoothed: SmoothedResult | None = None
 
     @property
     def duration_s(self) -> float:

@@ -87,6 +87,11 @@ def silences(times_s: NDArray[np.float64], until_s: float, least_s: float) -> tu
     return tuple((float(edges[i]), float(edges[i + 1])) for i in np.flatnonzero(np.diff(edges) >= least_s))
 
 
+def clock_text(seconds: float) -> str:
+    """16:40, as a review names a time since the first tick."""
+    return _clock(seconds)
+
+
 def _clock(seconds: float, tenths: bool = False) -> str:
     tenth = math.floor(seconds * 10.0 + 0.5) if tenths else math.floor(seconds) * 10
     text = f"{tenth // 600:02d}:{tenth // 10 % 60:02d}"

@@ -12,6 +12,7 @@ from drivers.measurements import Event, FloatArray, OdometryPose, Scan, SpeedSte
 from runtime.calibrate.drive_data import DriveData
 from runtime.errors import NotAMapError, UsageError
 from runtime.evaluate.evaluate import against_data_set, against_simulation, nothing_known
+from runtime.evaluate.smoothed import read_smoothed
 from runtime.evaluate.truth import DataSetTruth
 from runtime.map_files.start import recorded_start
 from runtime.messages.decoding import decoded
@@ -162,6 +163,7 @@ class Gathering:
             imported=inputs.header.is_of_others,
             defects=tuple(self._defects),
             known_map=_known_map(reader),
+            smoothed=read_smoothed(inputs.folder, reader.folder),
         )
 
     def _take_scan(self, beat_ns: int, scan: object, estimate: Estimate | None) -> None:

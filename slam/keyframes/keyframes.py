@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray
+from slam.estimate import KeyframeFit
 from slam.front_end.alignment_kernels import EarlierScans, surface_normals
 from slam.front_end.alignment_search import Search
 from slam.front_end.deskew import Beams
@@ -71,7 +72,7 @@ class Keyframe:
 class Keyframes:
     """Chooses keyframes near the pose, lays the scan onto them and tells the joint Gaussian what came out.
 
-    fitted: how many fits were believed; closed: those of them with an old keyframe.
+    fitted: how many fits were believed; closed: those of them with an old keyframe; fits: those of the latest scan.
     """
 
     def __init__(self, joint: JointGaussian, body_from_laser: Pose2) -> None:
@@ -83,6 +84,7 @@ class Keyframes:
         self._wanted = False
         self._far = FarLoops()
         self._turn = 0
+        self.fits: list[KeyframeFit] = []
         self.fitted = 0
         self.closed = 0
 
@@ -92,6 +94,7 @@ class Keyframes:
     def constrain(self, beams: Beams) -> bool:
         """Condition the joint Gaussian on how the scan lies on keyframes; True where it was told anything."""
         self._wanted = False
+        self.fits = []
         pose = self._joint.map_from_body
         if self._moved_from is not None:
             since = Pose2(*self._moved_from.tolist()).inverse() @ pose
@@ -197,11 +200,14 @@ class Keyframes:
         off = motion - predicted
         off[2] = math.remainder(off[2], 2.0 * math.pi)
         told = INFORMATION_SHARE * (information - held)
-        innovation = covariance + np.linalg.inv(told + 1e-9 * np.eye(3))
+        spread = np.linalg.inv(told + 1e-9 * np.eye(3))
+        innovation = covariance + spread
         if not off @ np.linalg.solve(innovation, off) < LARGEST_SQUARE:
             return False
         posterior = np.linalg.inv(told + np.linalg.inv(covariance))
-        self._joint.condition(number, posterior @ (told @ off + INFORMATION_SHARE * (held @ off)), posterior)
+        by_scan = told @ off + INFORMATION_SHARE * (held @ off)
+        self._joint.condition(number, posterior @ by_scan, posterior)
+        self.fits.append(KeyframeFit(number, predicted + spread @ by_scan, told))
         self.fitted += 1
         self.closed += number < len(self._keyframes) - OLD - 1
         return True

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from slam.estimate import MapProgress
 from slam.joint.atlas import AWAY
 from slam.joint.gaussian import CONFIRMED_LOG_ODDS, KEYFRAME, JointGaussian
 from slam.joint.state import JointState
@@ -55,6 +56,17 @@ class Island:
         rows = np.flatnonzero(confirmed & self.rooting.is_rooted(atlas.identities))
         return self.index.follow(atlas.identities[rows], state.settled_means()[rows], most_changes)
 
+    @property
+    def rooted_scans(self) -> int:
+        """How many scans the map had when it was right for certain."""
+        return self.rooting.before_scan if self.remembered is None else self.remembered.scans
+
+    @property
+    def progress(self) -> MapProgress:
+        """How far the map has come."""
+        scans = self.joint.scans
+        return MapProgress(self.number, scans, len(self.keyframes), scans - self.rooted_scans)
+
     def remember(self, every_scans: int = 0) -> None:
         """The map is right as it is. A slip bends it by chance matches before anybody can notice.
 
@@ -94,10 +106,8 @@ class Island:
         source: a local map, another map, or this one, whose part since the rooted one was left is laid elsewhere. What
         this map has made since then is taken out: it stands where the pose was wrong. Far away it is turned along.
         """
-        joint, scale, since = self.joint, self.index.scale, self.rooting.before_scan
-        keyframes = self.rooting.keyframes
-        if self.remembered is not None:
-            since, keyframes = self.remembered.scans, self.remembered.keyframes
+        joint, scale, since = self.joint, self.index.scale, self.rooted_scans
+        keyframes = self.rooting.keyframes if self.remembered is None else self.remembered.keyframes
         points = local_points(source.state, scale, since if source is joint else 0)
         here = source.map_from_body
         behind = [far_landmarks(joint, since, points.identities, here, reach_m)]

@@ -5,10 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.measurements import FloatArray
+from drivers.measurements import FloatArray, IntArray
+from slam.estimate import KeyframeFit, MapProgress
 from slam.joint.evidence import Confidence
 from slam.joint.gaussian import JointGaussian
 from slam.observations import FeatureRows
+from slam.odometry.odometry import Increment
+from slam.pose import Pose2
 from slam.quality import QualityMonitor
 from slam.visibility import SightLine
 
@@ -24,6 +27,31 @@ class ScanSeen:
     sight: SightLine
     seen_before_share: float | None
     at_rest: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanTaken:
+    """What the joint Gaussian was told by one scan and made of it, for whoever smooths the path when the drive is over.
+
+    measured: motion since the scan before by wheels and scans laid onto the last ones, and nothing else.
+    odom_from_body: dead reckoning. matched (K,): identity or verdict of each feature. fits: how the scan lies on
+    keyframes. before, after: the map, once the scan was taken, and once a place may have been recognised; the pose is
+    from then.
+    """
+
+    seen: ScanSeen
+    measured: Increment
+    odom_from_body: Pose2
+    matched: IntArray
+    fits: tuple[KeyframeFit, ...]
+    before: MapProgress
+    after: MapProgress
+    map_from_body: Pose2
+    covariance: FloatArray
+
+
+def no_witness(taken: ScanTaken) -> None:
+    """Nobody smooths the path afterwards."""
 
 
 class LocalMap:
