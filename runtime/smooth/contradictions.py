@@ -5,8 +5,8 @@ from scipy.spatial import cKDTree
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from runtime.evaluate.smoothed import MOST_LISTED, Doubled, Parting, WrongMatch
-from runtime.smooth.graph import Covariances, Solution
-from runtime.smooth.sightings import DriveTold, Sightings
+from runtime.smooth.graph import Covariances
+from runtime.smooth.sightings import DriveTold
 from runtime.smooth.solve import SmoothedDrive, visits
 
 LEAST_SQUARE = 60.0  # of all refuted sightings of a visit: three of them, or one gross one
@@ -41,9 +41,12 @@ def wrong_matches(told: DriveTold, drive: SmoothedDrive) -> list[WrongMatch]:
     return sorted(found, key=lambda match: -match.square)[:MOST_LISTED]
 
 
-def doubled(solution: Solution, used: Sightings, covariances: Covariances) -> list[Doubled]:
-    """Pairs of landmarks that stand in one place and were never seen from one scan, the nearest first."""
-    pairs = sorted(cKDTree(solution.landmarks).query_pairs(FARTHEST_M)) if len(solution.landmarks) else []
+def doubled(told: DriveTold, drive: SmoothedDrive, covariances: Covariances) -> list[Doubled]:
+    """Pairs of landmarks of the last map that stand in one place and were never seen from one scan, nearest first."""
+    solution, used = drive.solution, drive.used
+    last = np.flatnonzero(np.isin(solution.identities, told.final))
+    near = cKDTree(solution.landmarks[last]).query_pairs(FARTHEST_M) if len(last) else set()
+    pairs = sorted((int(last[first]), int(last[second])) for first, second in near)
     index = np.searchsorted(solution.identities, used.identities)
     scans = [set(used.scans[index == number].tolist()) for number in range(len(solution.identities))]
     found = []

@@ -57,7 +57,8 @@ class DriveTold:
     stamps_s (n,) of the scans; motions (n, 3) since the scan before with covariances (n, 3, 3), those of the first
     scan are nothing; odometry (n, 3): dead reckoning. filtered (n, 3), covariances (n, 3, 3): what the filter said
     then; known (n,): it was in the map that the run ends in, and not lost. start (n, 3): the same path without what a
-    recognition has shown to be wrong. ticks (t, 4): t s and dead reckoning at every tick.
+    recognition has shown to be wrong. ticks (t, 4): t s and dead reckoning at every tick. final (l,): identities of
+    the landmarks that the filter ends with.
     """
 
     stamps_s: FloatArray
@@ -72,6 +73,7 @@ class DriveTold:
     fits: Fits
     ticks: FloatArray
     body_from_laser: FloatArray
+    final: IntArray
 
 
 class Witness:
@@ -85,6 +87,7 @@ class Witness:
         self._recognised: dict[int, Recognition] = {}
         self._lost: list[bool] = []
         self._ticks: list[tuple[float, ...]] = []
+        self._final = np.zeros(0, dtype=np.int64)
 
     def take(self, taken: ScanTaken) -> None:
         """One scan."""
@@ -101,6 +104,8 @@ class Witness:
     def note(self, estimate: Estimate) -> None:
         """What the filter said after a tick."""
         self._ticks.append((estimate.stamp_ns * 1e-9, *estimate.odom_from_body.as_array().tolist()))
+        if estimate.landmarks is not None:
+            self._final = estimate.landmarks.identities
         if estimate.matches is None or not self._scans:
             return
         taken = self._scans[-1]
@@ -135,6 +140,7 @@ class Witness:
             ),
             ticks=np.array(self._ticks).reshape(-1, 4),
             body_from_laser=body_from_laser,
+            final=self._final,
         )
 
     def _in_last_map(self, filtered: FloatArray, motions: FloatArray, maps: IntArray) -> FloatArray:

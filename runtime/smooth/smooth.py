@@ -55,7 +55,7 @@ def smooth_run(run: Path, progress: Progress) -> dict[str, Any]:
         noise={name: round(getattr(drive.noise, name), 4) for name in ("ranges", "bearings", "motions")},
         apart_rms_m=_apart_rms_m(told, poses),
         wrong_matches=wrong_matches(told, drive),
-        doubled=doubled(drive.solution, drive.used, covariances),
+        doubled=doubled(told, drive, covariances),
         partings=partings(told, poses, sampled, spreads),
     )
     folder = reader.folder

@@ -15,7 +15,7 @@ from runtime.smooth.sightings import DriveTold, Sightings
 from slam.pose import composed, inverted, rotated, wrap_rads
 
 LEAST_SIGHTINGS = 3  # of a landmark
-ROUNDS = 4  # of finding the noise
+ROUNDS = 3  # of finding the noise
 VISIT_GAP_S = 3.0  # sightings of a landmark farther apart are two visits
 WINDOW = 20  # scans over which motions are compared with the path: what errs for long shows in no single one
 LEAST_SCALE, LARGEST_SCALE = 0.05, 4.0  # of the configured noise

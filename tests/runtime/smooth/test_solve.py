@@ -56,7 +56,7 @@ def test_the_same_drive_gives_the_same_bits(drive: SmoothedDrive) -> None:
 def test_a_right_drive_has_no_wrong_match(drive: SmoothedDrive) -> None:
     told, _ = told_drive()
     assert wrong_matches(told, drive) == []
-    assert doubled(drive.solution, drive.used, drive.solution.covariances()) == []
+    assert doubled(told, drive, drive.solution.covariances()) == []
 
 
 def test_one_wrong_match_is_found_with_its_time_and_does_not_bend_the_path(drive: SmoothedDrive) -> None:
@@ -81,9 +81,12 @@ def test_a_landmark_that_was_mapped_twice_is_found() -> None:
     seen = told.sightings
     mine = int(np.bincount(seen.identities).argmax())
     identities = np.where((seen.identities == mine) & (seen.scans >= SCANS // 2), 1000, seen.identities)
-    twice = smooth_drive(with_identities(told, identities))
-    (pair,) = doubled(twice.solution, twice.used, twice.solution.covariances())
+    told = with_identities(told, identities)
+    twice = smooth_drive(told)
+    (pair,) = doubled(told, twice, twice.solution.covariances())
     assert {pair.first, pair.second} == {mine, 1000}
+    made_anew = replace(told, final=told.final[told.final != mine])
+    assert doubled(made_anew, twice, twice.solution.covariances()) == []
 
 
 def test_a_filter_that_was_elsewhere_for_a_while_parts_from_the_path(drive: SmoothedDrive) -> None:

@@ -60,10 +60,12 @@ def told_drive(seed: int = 0) -> tuple[DriveTold, FloatArray]:
         fits=Fits(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3))),
         ticks=np.column_stack((stamps_s, np.array(odometry))),
         body_from_laser=MOUNT,
+        final=np.unique(identities),
     )
     return told, posts
 
 
 def with_identities(told: DriveTold, identities: np.typing.NDArray[np.int64]) -> DriveTold:
     """The same with other landmarks seen."""
-    return replace(told, sightings=replace(told.sightings, identities=identities))
+    seen = replace(told.sightings, identities=identities)
+    return replace(told, sightings=seen, final=np.unique(identities))
