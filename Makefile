@@ -10,7 +10,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 export OPENBLAS_NUM_THREADS := 1
 export RERUN_ANALYTICS := off
 
-.PHONY: run test check lint types fuzz sbom audit bench soak browser system ros2 docs lock clean help
+.PHONY: run test check lint types fuzz sbom audit bench soak browser system ros docs lock clean help
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -55,7 +55,7 @@ browser: $(VENV)/.installed-dev
 system: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m system $(ARGS)
 
-ros2: $(VENV)/.installed-dev
+ros: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m ros2 $(ARGS)
 
 docs: $(VENV)/.installed-dev

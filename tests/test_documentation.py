@@ -30,7 +30,7 @@ from tests.support.zenoh.wire import free_port, listening, publishing, put_ticks
 DOCS = ROOT / "docs"
 FENCED = re.compile(r"(<!-- not run: [^\n]+ -->\n)?^```(\{?\w*\}?)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"(?<!\!)\[[^\]]+\]\(([^)\s]+)\)|!\[[^\]]*\]\(([^)\s]+)\)")
-JOURNEY = ("journeys/engineer.md", "journeys/reviewer.md", "journeys/ci.md", "maps.md", "fleet.md")
+JOURNEY = ("journeys/engineer.md", "journeys/reviewer.md", "journeys/ci.md", "maps.md", "ros2.md", "fleet.md")
 RUN_S = 900.0  # for one command on a machine that does much else
 
 

@@ -127,12 +127,15 @@ def page(
         typer.Option("--commands", help="buttons for mark and stop; on the loopback only, and as the rover allows"),
     ] = False,
     duration: Duration = None,
+    as_json: AsJson = False,
 ) -> None:
     """Serve a page that shows a running rover to a browser: state, map, sensors, events, runs."""
     from runtime.page.serve import ServeOptions, serve_page
 
     file = None if zenoh_file is None else str(zenoh_file)
-    serve_page(ServeOptions(host, port, connect, rover, file, runs, commands), stopping(duration), sys.stderr)
+    options = ServeOptions(host, port, connect, rover, file, runs, commands)
+    result = serve_page(options, stopping(duration), sys.stderr)
+    answer(result, (f"shown     {result['rover']} at {result['url']}",), as_json)
 
 
 COMMANDS = (command, page)

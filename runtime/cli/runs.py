@@ -10,7 +10,7 @@ import typer
 from runtime.cli.begin_in import BeginIn, LocaliseOnly, StartAt
 from runtime.cli.output import answer, say, say_json
 from runtime.cli.progress import AsJson, busy, progress_bar
-from runtime.errors import InfantError, StorageError
+from runtime.errors import InfantError, StorageError, UsageError
 
 
 class FailOn(StrEnum):
@@ -161,29 +161,63 @@ def compare(
 
 
 def view(
-    run: Run,
+    run: Annotated[
+        str | None, typer.Argument(metavar="RUN", help="folder of a run; with --live the rover's host or endpoint")
+    ] = None,
     web: Annotated[bool, typer.Option("--web", help="in a browser instead of the native viewer")] = False,
     screenshot: Annotated[
         Path | None, typer.Option("--screenshot", metavar="FILE.png", help="a picture, without a screen")
     ] = None,
+    live: Annotated[bool, typer.Option("--live", help="a rover that drives, over zenoh")] = False,
+    connect: Annotated[
+        str | None, typer.Option("--connect", metavar="ENDPOINT|HOST", help="of a live rover; default: this machine")
+    ] = None,
+    rover: Annotated[str | None, typer.Option("--rover", help="name of a live rover; default: the only one")] = None,
+    zenoh_file: Annotated[
+        Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for a fleet's router")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Open the review of a run, on this machine only."""
-    from runtime.record.folder import RunFolder
+    """Open the review of a run, or a rover that drives, on this machine only."""
     from runtime.review import viewer
 
-    folder = RunFolder.open(run)
+    if live:
+        _view_live(run or connect, rover, zenoh_file, web, screenshot, as_json)
+        return
+    if run is None:
+        raise UsageError("which run? give the folder of one, or --live for a rover that drives")
+    if connect is not None or rover is not None:
+        raise UsageError("--connect and --rover are of a live rover; add --live")
+    from runtime.record.folder import RunFolder
+
+    folder = RunFolder.open(Path(run))
     progress = progress_bar("draw")
     if screenshot is None:
         code = viewer.open_review(folder, web, progress)
         if as_json:
-            say_json({"run": str(run), "viewer_exit_code": code})
+            say_json({"run": run, "viewer_exit_code": code})
         return
     reports = viewer.screenshot(folder, screenshot, progress=progress)
     if as_json:
-        say_json({"run": str(run), "picture": str(screenshot), "viewer_reports": reports})
+        say_json({"run": run, "picture": str(screenshot), "viewer_reports": reports})
     for report in () if as_json else reports:
         say(f"infant: the viewer reports: {report}", err=True)
+
+
+def _view_live(
+    connect: str | None, rover: str | None, zenoh_file: Path | None, web: bool, screenshot: Path | None, as_json: bool
+) -> None:
+    from runtime.cli.live import stop_on_signals
+    from runtime.optional_packages import needs
+
+    if screenshot is not None:
+        raise UsageError("--screenshot is of a recorded run; leave out --live")
+    with needs("rerun", "infant view --live"):
+        from runtime.live_view.view import view_live
+    file = None if zenoh_file is None else str(zenoh_file)
+    code = view_live(connect, rover, file, web, stop_on_signals())
+    if as_json:
+        say_json({"rover": rover, "viewer_exit_code": code})
 
 
 def calibrate(

@@ -32,8 +32,8 @@ class ServeOptions:
     commands: bool = False
 
 
-def serve_page(options: ServeOptions, stop: threading.Event, said: TextIO) -> None:
-    """Serve until `stop`.
+def serve_page(options: ServeOptions, stop: threading.Event, said: TextIO) -> dict[str, Any]:
+    """Serve until `stop`; returns what was shown where.
 
     Raises UsageError, SensorError (port in use, address not ours, no rover), ConfigurationError.
     """
@@ -73,13 +73,15 @@ def serve_page(options: ServeOptions, stop: threading.Event, said: TextIO) -> No
     )
     hub.start()
     threading.Thread(target=_end_with, args=(stop, server), daemon=True).start()
-    said.write(f"infant: {rover.name} is shown at http://{_in_url(options.host)}:{port}/\n")
+    url = f"http://{_in_url(options.host)}:{port}/"
+    said.write(f"infant: {rover.name} is shown at {url}\n")
     said.flush()
     try:
         with listening:
             asyncio.run(server.serve(sockets=[listening]))
     finally:
         hub.close()
+    return {"rover": rover.name, "url": url}
 
 
 def bound_socket(host: str, port: int) -> socket.socket:

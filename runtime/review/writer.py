@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from drivers.measurements import Scan
+from drivers.measurements import FloatArray, Scan
 from runtime.errors import StorageError
 from runtime.messages.pipe import CARRIED, SEGMENT
 from runtime.messages.tick import Record
@@ -37,7 +37,7 @@ from slam.pose import Pose2
 from slam.settings.slam import MountSettings
 
 TRACE_EVERY = 10  # ticks between the scans that stay and add up to a map
-BATCH_TICKS = 10  # ticks per write: 1 s, which a power cut loses
+BATCH_TICKS, LIVE_TICKS = 10, 2  # ticks per write: 1 s, which a power cut loses; 0.2 s for who looks on
 LASER_PATHS = {
     BeamVerdict.KEPT: "map/laser/kept",
     BeamVerdict.MOVED: "map/laser/rejected",
@@ -52,7 +52,8 @@ PATHS = ("SLAM", "odometry", "truth")
 class ReviewWriter:
     """Takes records in the order of writing and draws them. Memory stays flat; nothing is read back.
 
-    mount: of the laser; facts: lines for the legend; track: what an imported data set knows.
+    mount: of the laser; facts: lines for the legend; track: what an imported data set knows. viewer_url: of a viewer
+    that is drawn into, in place of a file.
     Raises StorageError when the file cannot be made.
     """
 
@@ -63,8 +64,10 @@ class ReviewWriter:
         mount: MountSettings | None = None,
         facts: Mapping[str, str] | None = None,
         track: TruthTrack | None = None,
+        viewer_url: str | None = None,
     ) -> None:
-        self._path = path
+        self._path, self._viewer_url = path, viewer_url
+        self._batch_ticks = BATCH_TICKS if viewer_url is None else LIVE_TICKS
         self._settings = settings
         self._mount = mount or MountSettings()
         self._body_from_laser = self._mount.as_pose()
@@ -89,14 +92,18 @@ class ReviewWriter:
             if offset_ms is not None and self._state.start_ns is not None:
                 self._columns.scalar("plots/clock/laser_ms", offset_ms)
         elif (assembled := self._assembler.feed(record)) is not None:
-            self._draw(assembled)
+            self.draw(assembled)
 
     def close(self) -> None:
         """Draw what is left and say how the whole is best looked at. Raises StorageError when the disk was full."""
         assembled = self._assembler.last()
         if assembled is not None:
-            self._draw(assembled)
+            self.draw(assembled)
         self._end()
+
+    def draw_before(self, path_m: FloatArray) -> None:
+        """The way (n, 2) that a rover had driven when somebody began to look."""
+        self._paths["SLAM"] += [(x_m, y_m) for x_m, y_m in path_m.tolist()]
 
     def carried(self) -> bytes:
         """What another writer has to know to go on after a segment as this one would; it is fed as CARRIED."""
@@ -106,8 +113,10 @@ class ReviewWriter:
         """A new file; all files of a run have one identity, by which a viewer puts them together."""
         recording = rr.RecordingStream("infant", recording_id=f"infant-{self._name}")
         try:
-            # a footer would keep a manifest of all chunks in memory: 155 MB an hour
-            recording.save(self._path, layout(self._state.extent, True), write_footer=False)
+            if self._viewer_url is not None:
+                recording.connect_grpc(self._viewer_url, default_blueprint=layout(self._state.extent, False))
+            else:  # a footer would keep a manifest of all chunks in memory: 155 MB an hour
+                recording.save(self._path, layout(self._state.extent, True), write_footer=False)
         except (RuntimeError, OSError) as error:
             raise StorageError(f"{self._path} cannot be written ({error}); give a folder that can") from error
         recording.send_recording_name(self._name or "run")
@@ -134,7 +143,7 @@ class ReviewWriter:
         """Close the file under the number of its segment and go on in a new one."""
         assembled = self._assembler.last()
         if assembled is not None:
-            self._draw(assembled)
+            self.draw(assembled)
         self._end()
         try:
             os.replace(self._path, self._path.with_name(RunFolder.closed_review_name(number)))
@@ -143,7 +152,7 @@ class ReviewWriter:
         self._recording = self._begin()
         self._columns = ReviewColumns(self._recording)
 
-    def _draw(self, assembled: AssembledTick) -> None:
+    def draw(self, assembled: AssembledTick) -> None:
         """One tick."""
         tick, estimate = assembled.tick, assembled.estimate
         if self._state.start_ns is None:
@@ -157,7 +166,8 @@ class ReviewWriter:
             if self._state.before is not None:
                 self._draw_innovation(estimate, predicted_motion(self._state.before, estimate, motion))
             self._draw_poses(estimate, assembled.truth)
-            self._draw_particles(estimate)
+            if estimate.particles is not None:
+                self._columns.points("map/particles", estimate.particles[:, :2])
             self._draw_landmarks(estimate)
             if isinstance(tick.scan, Scan):
                 self._draw_scan(tick.scan, estimate, motion)
@@ -165,7 +175,7 @@ class ReviewWriter:
                 self._draw_association(estimate.features, estimate.matches, motion)
             self._state.before = estimate
         self._state.drawn += 1
-        if self._state.drawn % BATCH_TICKS == 0:
+        if self._state.drawn % self._batch_ticks == 0:
             self._flush()
 
     def _due(self, what: str, every: int) -> bool:
@@ -220,10 +230,6 @@ class ReviewWriter:
         )
         draw_innovation(self._columns, *errors)
 
-    def _draw_particles(self, estimate: Estimate) -> None:
-        if estimate.particles is not None:
-            self._columns.points("map/particles", estimate.particles[:, :2])
-
     def _draw_landmarks(self, estimate: Estimate) -> None:
         landmarks = estimate.landmarks
         if landmarks is None:
@@ -234,12 +240,8 @@ class ReviewWriter:
         labels = [f"{name} ({p:.2f})" for name, p in zip(landmarks.identities.tolist(), sure.tolist(), strict=True)]
         self._columns.named_points("map/landmarks", landmarks.means_m, colors, labels)
         see_through = np.concatenate((colors, np.full((len(colors), 1), 60, np.uint8)), axis=1)
-        self._columns.ellipses(
-            "map/landmarks/covariances",
-            landmarks.means_m,
-            landmarks.covariances_m2,
-            see_through,
-        )
+        means_m, covariances_m2 = landmarks.means_m, landmarks.covariances_m2
+        self._columns.ellipses("map/landmarks/covariances", means_m, covariances_m2, see_through)
         self._state.extent = self._state.extent.with_points(landmarks.means_m)
 
     def _draw_scan(self, scan: Scan, estimate: Estimate, motion: Motion) -> None:

@@ -1,4 +1,4 @@
-"""Real rclpy nodes of Jazzy and Kilted see a rover through the bridge, in both its forms: `make ros2`."""
+"""Real rclpy nodes of Jazzy and Kilted see a rover through the bridge, in both its forms: `make ros`."""
 
 import json
 import os

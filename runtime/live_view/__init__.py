@@ -1,0 +1,1 @@
+"""How does a rover that drives look in rerun? Begin at view.py."""

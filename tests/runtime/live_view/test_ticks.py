@@ -1,0 +1,120 @@
+"""A rover that is heard is drawn as one that was recorded, and strangers' messages change nothing."""
+
+import json
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from drivers.measurements import Scan
+from runtime.cli.__main__ import app
+from runtime.errors import UsageError
+from runtime.live_view.ticks import HEARD, LiveTicks, path_of
+from runtime.live_view.view import view_live
+from runtime.messages.map_json import landmark_json
+from runtime.publish.follow import Message
+from runtime.publish.messages import event_json
+from runtime.review.ticks import AssembledTick
+from runtime.ros2.laser_scan import scan_bytes
+from runtime.ros2.odometry import OdometryTrack, odometry_bytes
+from runtime.ros2.poses import DrivenPath, particle_bytes, pose_bytes
+from runtime.ros2.vehicle import Vehicle
+from runtime.tick import CompletedTick
+from tests.support.runtime.drawn_drive import MOUNT, completed_ticks
+
+WALL_NS = 1_700_000_000_000_000_000
+VEHICLE = Vehicle(MOUNT)
+
+
+def said(completed: CompletedTick, track: OdometryTrack) -> list[Message]:
+    """The messages of one tick, in the order in which a rover sends them."""
+    estimate, wall_ns = completed.estimate, completed.estimate.stamp_ns + WALL_NS
+    assert isinstance(completed.tick.scan, Scan)
+    assert estimate.particles is not None
+    messages = [
+        Message("pose", pose_bytes(wall_ns, estimate)),
+        Message("odom", odometry_bytes(wall_ns, track.take(estimate))),
+        *(Message("event", event_json(event, wall_ns)) for event in completed.tick.events),
+        Message("scan_full", scan_bytes(completed.tick.scan, WALL_NS, VEHICLE)),
+        Message("particles", particle_bytes(wall_ns, estimate.particles)),
+    ]
+    if estimate.landmarks is not None:
+        messages.append(Message("map", landmark_json(estimate.landmarks, wall_ns)))
+    return messages
+
+
+def heard(count: int) -> list[tuple[CompletedTick, AssembledTick]]:
+    ticks, track, pairs = LiveTicks("r1"), OdometryTrack(VEHICLE.odometry), []
+    before: CompletedTick | None = None
+    for completed in completed_ticks(count):
+        for message in said(completed, track):
+            if (assembled := ticks.take(message)) is not None:
+                assert before is not None
+                pairs.append((before, assembled))
+        before = completed
+    return pairs
+
+
+def test_every_tick_comes_out_with_its_own_pose_scan_and_particles() -> None:
+    pairs = heard(20)
+    assert len(pairs) == 19
+    for completed, assembled in pairs:
+        wanted, got = completed.estimate, assembled.estimate
+        assert got is not None
+        assert got.stamp_ns == wanted.stamp_ns + WALL_NS
+        np.testing.assert_allclose(got.map_from_body.as_array(), wanted.map_from_body.as_array(), atol=1e-9)
+        np.testing.assert_allclose(got.odom_from_body.as_array(), wanted.odom_from_body.as_array(), atol=1e-9)
+        np.testing.assert_allclose(got.covariance, wanted.covariance)
+        assert [event.reason for event in assembled.tick.events] == [event.reason for event in completed.tick.events]
+        scan, own = assembled.tick.scan, completed.tick.scan
+        assert isinstance(scan, Scan)
+        assert isinstance(own, Scan)
+        np.testing.assert_array_equal(np.isfinite(scan.ranges_m), np.isfinite(own.ranges_m))
+        np.testing.assert_allclose(scan.bearings_rad, own.bearings_rad, atol=1e-5)
+        assert (got.landmarks is None) == (wanted.landmarks is None)
+
+
+@pytest.mark.parametrize("name", [*HEARD, "map"])
+@pytest.mark.parametrize("data", [b"", b"junk", b"\0\1\0\0" + b"\xff" * 200, b"{}", b"[" * 10_000])
+def test_what_no_rover_says_ends_no_tick_and_breaks_none(name: str, data: bytes) -> None:
+    ticks, track = LiveTicks("r1"), OdometryTrack(VEHICLE.odometry)
+    first, second = completed_ticks(2)
+    for message in said(first, track):
+        assert ticks.take(message) is None
+    assert ticks.take(Message(name, data)) is None
+    assert ticks.take(said(second, track)[0]) is not None
+
+
+def test_a_pose_that_is_nowhere_is_no_tick() -> None:
+    ticks, (completed,) = LiveTicks("r1"), completed_ticks(1)
+    nowhere = replace(completed.estimate, covariance=np.full((3, 3), np.nan))
+    for _ in range(3):
+        assert ticks.take(Message("pose", pose_bytes(WALL_NS, nowhere))) is None
+
+
+def test_the_way_driven_before_is_known_to_who_comes_late() -> None:
+    path = DrivenPath()
+    for completed in completed_ticks(40):
+        path.add(completed.estimate.stamp_ns, completed.estimate.map_from_body)
+    assert path_of(path.as_bytes(WALL_NS)).shape == (len(path), 2)
+
+
+def test_words_that_do_not_fit_together_and_nobody_there_are_one_sentence() -> None:
+    for words, text in (
+        (["view"], "which run?"),
+        (["view", "run", "--rover", "r1"], "add --live"),
+        (["view", "--live", "--screenshot", "x.png"], "leave out --live"),
+    ):
+        error = CliRunner().invoke(app, words).exception
+        assert isinstance(error, UsageError)
+        assert text in str(error)
+    with pytest.raises(Exception, match="no rover answers"):
+        view_live("tcp/127.0.0.1:1", None, None, False, threading.Event())
+
+
+def test_json_of_the_map_is_what_the_rover_answers() -> None:
+    landmarks = next(completed_ticks(1)).estimate.landmarks
+    assert landmarks is not None
+    assert json.loads(landmark_json(landmarks, 0))["existence"]
