@@ -28,6 +28,7 @@ FILTERED_IN_KERNEL = ("socketcan",)  # python-can's own filter in other back end
 class CanBus:
     """An open bus. Raises LinkError with the command that mends it when it cannot be opened.
 
+    ids: all that is wanted, where the system can filter; None: every frame.
     clock: kept over sessions by a caller that opens again, since the first frames of a session are read late.
     system_now_ns: the clock that the kernel stamps frames with; only looked at to tell its jumps from late reading.
     """
@@ -35,7 +36,7 @@ class CanBus:
     def __init__(
         self,
         settings: BusSettings,
-        ids: Iterable[int],
+        ids: Iterable[int] | None,
         now_ns: Callable[[], int],
         clock: ArrivalClock | None = None,
         system_now_ns: Callable[[], int] = time.time_ns,
@@ -148,7 +149,7 @@ def socket_of(bus: can.BusABC) -> socket.socket | None:
         return None
 
 
-def open_bus(settings: BusSettings, ids: Iterable[int]) -> can.BusABC:
+def open_bus(settings: BusSettings, ids: Iterable[int] | None) -> can.BusABC:
     """python-can's bus for these settings; udp_multicast is held to the loopback unless its options say otherwise."""
     logging.getLogger("can").setLevel(logging.CRITICAL)  # it would print on every attempt what the exception says
     arguments: dict[str, Any] = dict(settings.options)
@@ -160,7 +161,7 @@ def open_bus(settings: BusSettings, ids: Iterable[int]) -> can.BusABC:
         arguments["port"] = settings.port
     if settings.interface not in WITHOUT_BITRATE:
         arguments.setdefault("bitrate", settings.bitrate)
-    if settings.interface in FILTERED_IN_KERNEL:
+    if settings.interface in FILTERED_IN_KERNEL and ids is not None:
         # without the frame format, so that a frame in the wrong one is seen and counted
         arguments["can_filters"] = [{"can_id": number, "can_mask": 0x1FFFFFFF} for number in ids]
     return can.Bus(channel=settings.channel, interface=settings.interface, ignore_config=True, **arguments)

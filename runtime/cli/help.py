@@ -13,7 +13,10 @@ GROUPS = {
 }
 """Every command in the group of its task; the order is that of the help."""
 EXAMPLES = {
-    "setup": ("infant setup --out my_rover.toml", "infant setup --yes --json"),
+    "setup": (
+        "infant setup --out my_rover.toml",
+        "infant setup --yes --can can0 --wheel-radius 0.1 --tread 0.4 --counts-per-rev 4096 --laser-ahead 0.2",
+    ),
     "config": (
         "infant config --defaults",
         "infant config --explain slam.mount.x_m",

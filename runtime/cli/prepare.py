@@ -1,5 +1,6 @@
-"""Commands before the first drive: config, install."""
+"""Commands before the first drive: setup, config, install."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -73,4 +74,51 @@ def config(
         answer({"keys": [fact.as_json() for fact in facts]}, key_facts.default_lines(facts), as_json)
 
 
-COMMANDS = (config, install)
+GEOMETRY = {
+    "--wheel-radius": "radius of a wheel under load, m",
+    "--tread": "distance between the points where the two wheels touch the ground, m",
+    "--counts-per-rev": "encoder counts for one turn of the wheel, gear included",
+    "--laser-ahead": "distance of the laser ahead of the middle of the axle, m, below zero behind it",
+}
+"""What nobody can hear on a wire, by option."""
+
+
+def setup(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="what is written; never overwritten")] = Path(
+        "rover.toml"
+    ),
+    rover: Annotated[str, typer.Option("--rover", help="name of the rover")] = "infant",
+    laser: Annotated[str | None, typer.Option("--laser", metavar="URL", help="its place; else looked for")] = None,
+    can: Annotated[
+        str | None, typer.Option("--can", metavar="BUS", help="can0, or INTERFACE:CHANNEL[:PORT]; else looked for")
+    ] = None,
+    wheel_radius: Annotated[float | None, typer.Option("--wheel-radius", help=GEOMETRY["--wheel-radius"])] = None,
+    tread: Annotated[float | None, typer.Option("--tread", help=GEOMETRY["--tread"])] = None,
+    counts_per_rev: Annotated[float | None, typer.Option("--counts-per-rev", help=GEOMETRY["--counts-per-rev"])] = None,
+    laser_ahead: Annotated[float | None, typer.Option("--laser-ahead", help=GEOMETRY["--laser-ahead"])] = None,
+    backwards: Annotated[bool, typer.Option("--backwards", help="the laser looks backwards")] = False,
+    upside_down: Annotated[bool, typer.Option("--upside-down", help="the laser hangs upside down")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="ask nothing: what is missing is an error")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Find the laser and the wheels, listening only on CAN, and write a configuration for them."""
+    from runtime.errors import UsageError
+    from runtime.setup.discover.wizard import Known, next_lines, set_up
+    from runtime.setup.discover.written import Geometry
+
+    given = dict(zip(GEOMETRY, (wheel_radius, tread, counts_per_rev, laser_ahead), strict=True))
+    missing = [option for option, value in given.items() if value is None]
+    if missing and (yes or not sys.stdin.isatty()):
+        raise UsageError(f"{missing[0]} is missing ({GEOMETRY[missing[0]]}): measure it, geometry is never guessed")
+
+    def geometry() -> Geometry:
+        for option in missing:
+            given[option] = typer.prompt(GEOMETRY[option], type=float, err=True)
+        radius, width, counts, ahead = (float(value or 0.0) for value in given.values())
+        return Geometry(radius, width, counts, ahead, backwards, upside_down)
+
+    result = set_up(out, rover, Known(laser, can), geometry, lambda line: say(line, err=as_json))
+    answer(result.as_json(), next_lines(out), as_json)
+
+
+COMMANDS = (setup, config, install)

@@ -64,6 +64,7 @@ def test_the_version_is_printed() -> None:
         (("check", "--confg", "mock", "--json"), 2, "No such option"),
         (("chek", "--json"), 2, "chek"),
         (("config", "--json"), 2, "give one of --defaults"),
+        (("setup", "--yes", "--tread", "0.4", "--json"), 2, "--wheel-radius is missing"),
     ],
 )
 def test_an_error_is_one_json_object_for_a_program(

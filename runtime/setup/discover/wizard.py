@@ -1,0 +1,130 @@
+"""`infant setup`: look, listen, ask for the rest, and write a configuration that has been checked."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from drivers.canbus.frame import CanFrame
+from drivers.measurements import DriverError
+from drivers.settings.can import BusSettings
+from runtime.atomic_write import atomic_write
+from runtime.errors import SensorError, StorageError, UsageError
+from runtime.settings.configuration import load_configuration_text
+from runtime.setup.discover.can_traffic import IdTraffic, traffic_of
+from runtime.setup.discover.listen import LaserFound, bus_named, can_interfaces, find_laser, hear, laser_urls
+from runtime.setup.discover.wheel_layouts import LayoutFound, layouts_that_fit
+from runtime.setup.discover.written import Geometry, configuration_text
+
+LISTEN_S = 3.0
+Say = Callable[[str], None]
+Hear = Callable[[BusSettings, float], list[CanFrame]]
+FindLaser = Callable[[Sequence[str]], LaserFound | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What the person says beforehand; None: to be found. bus: can0, or INTERFACE:CHANNEL[:PORT]."""
+
+    laser_url: str | None = None
+    bus: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SetupResult:
+    """What was found and written; text: the file."""
+
+    path: Path
+    laser: LaserFound
+    bus: BusSettings
+    traffic: list[IdTraffic]
+    fitting: list[LayoutFound]
+    text: str
+
+    def as_json(self) -> dict[str, Any]:
+        """As --json prints it."""
+        return {
+            "config": str(self.path),
+            "laser": self.laser.as_json(),
+            "bus": self.bus.model_dump(exclude_defaults=True) | {"interface": self.bus.interface},
+            "heard": [each.as_json() for each in self.traffic],
+            "layouts": [asdict(each) | {"layout": each.layout.model_dump()} for each in self.fitting],
+            "text": self.text,
+        }
+
+
+def set_up(
+    path: Path,
+    name: str,
+    known: Known,
+    geometry: Callable[[], Geometry],
+    say: Say,
+    search: tuple[FindLaser, Hear] = (find_laser, hear),
+) -> SetupResult:
+    """Find laser, bus and layout, then write `path`.
+
+    geometry: asked for only when the rest is found. search: how to find a laser and how to listen.
+    Raises StorageError where the file is there or cannot be written, SensorError where a sensor is not found,
+    UsageError where the bus has no such name, ConfigurationError where the geometry cannot be.
+    """
+    if path.exists():
+        raise StorageError(f"{path} exists; a configuration is never overwritten, give another --out")
+    find, listen = search
+    urls = laser_urls() if known.laser_url is None else [known.laser_url]
+    laser = find(urls)
+    if laser is None:
+        raise SensorError(f"no laser answered at {', '.join(urls)}; check its power and cable, or give --laser URL")
+    say(f"laser     {laser.line()}")
+    bus, traffic = _busiest(known.bus, listen)
+    for each in traffic:
+        say(f"heard     {each.line()}")
+    fitting = layouts_that_fit(traffic)
+    if not fitting:
+        heard = ", ".join(each.name for each in traffic)
+        raise SensorError(
+            f"ids {heard} are heard on {bus.channel}, but no layout that Infant knows fits them; describe them with a "
+            "DBC in [encoders.layout]"
+        )
+    for fit in fitting:
+        say(f"wheels    {fit.name}: heard {fit.why}")
+    text = configuration_text(name, laser, bus, fitting[0], geometry())
+    load_configuration_text(text, source=str(path), recorded=False)
+    try:
+        atomic_write(path, text)
+    except OSError as error:
+        raise StorageError(f"{path} cannot be written ({error.strerror}); give another --out") from error
+    return SetupResult(path, laser, bus, traffic, fitting, text)
+
+
+def next_lines(path: Path) -> list[str]:
+    """What to do with the file."""
+    return [
+        f"written   {path}",
+        f"next      infant check --config {path} --live",
+        f"then      infant run --config {path} --duration 90, while you drive two loops to the left, two to the right "
+        "and 5 m straight on; begin and end at rest",
+        f"          infant calibrate RUN --config {path} --write {path}",
+    ]
+
+
+def _busiest(name: str | None, listen: Hear) -> tuple[BusSettings, list[IdTraffic]]:
+    """The bus on which the most is heard. Raises SensorError, UsageError."""
+    names = can_interfaces() if name is None else [name]
+    if not names:
+        raise SensorError("this machine has no CAN interface; plug the adapter in, or give --can, for example can0")
+    heard: list[tuple[BusSettings, list[IdTraffic]]] = []
+    troubles = []
+    for each in names:
+        try:
+            bus = bus_named(each)
+        except ValueError as error:
+            raise UsageError(f"--can {each}: expected can0 or INTERFACE:CHANNEL[:PORT]") from error
+        try:
+            heard.append((bus, traffic_of(listen(bus, LISTEN_S))))
+        except DriverError as error:
+            troubles.append(str(error))
+    busiest = max(heard, key=lambda each: sum(found.frames for found in each[1]), default=None)
+    if busiest is None or not busiest[1]:
+        why = "; ".join(troubles) or "check power, bit rate and termination of the bus"
+        raise SensorError(f"nothing is heard on {', '.join(names)} in {LISTEN_S:g} s: {why}")
+    return busiest

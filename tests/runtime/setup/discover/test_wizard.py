@@ -1,0 +1,166 @@
+"""From what is heard to a configuration that can be used."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from drivers.canbus.frame import EXTENDED, CanFrame
+from drivers.measurements import LinkError
+from drivers.settings.can import BusSettings
+from drivers.settings.layouts import Cia406Layout, DbcLayout, Layout, PresetLayout
+from drivers.wheels.layouts.choose import layout_messages
+from drivers.wheels.layouts.messages import FeedbackMessage
+from drivers.wheels.layouts.presets import preset_layout
+from drivers.wheels.readings import Wheel
+from runtime.api.simulated import SimulatedRover
+from runtime.errors import SensorError, StorageError, UsageError
+from runtime.settings.configuration import load_configuration
+from runtime.setup.discover import wizard
+from runtime.setup.discover.can_traffic import traffic_of
+from runtime.setup.discover.listen import LaserFound, bus_named, can_interfaces, find_laser, hear
+from runtime.setup.discover.wheel_layouts import layouts_that_fit
+from runtime.setup.discover.wizard import Known, set_up
+from runtime.setup.discover.written import Geometry
+from runtime.setup.validation import validate_for_live_run
+
+LASER = LaserFound("tcp://192.168.0.10:10940", 'UST-20LX("new")', "1.0", "H1", 1081, -135.0, 135.0, 30.0)
+GEOMETRY = Geometry(0.1, 0.4, 4096.0, 0.2, laser_backwards=True)
+PRESETS = [
+    PresetLayout(kind="preset", name=name, left_node=3, right_node=7)
+    for name in ("odrive", "odrive_counts", "vesc", "cia402")
+]
+
+
+def frames_of(layout: Layout, count: int = 40) -> list[CanFrame]:
+    """What two nodes of this layout send at 50 Hz while the rover is pushed."""
+    assert isinstance(layout, DbcLayout | PresetLayout)
+    described = preset_layout(layout) if isinstance(layout, PresetLayout) else layout
+    messages, frames = layout_messages(described), []
+    for side, signals in ((Wheel.LEFT, described.left), (Wheel.RIGHT, described.right)):
+        message = FeedbackMessage(side, messages[signals.message], signals, 1.0)
+        for k in range(count):
+            values = {signals.count: 0.25 * k if layout.kind == "preset" and layout.name == "odrive" else 37 * k}
+            values |= {signals.alive: k % 16} if signals.alive else {}
+            frames.append(message.encode(values, 20_000_000 * k))
+    return sorted(frames)
+
+
+def cia406_frames() -> list[CanFrame]:
+    nodes = [(t * 1_000_000, node, t.to_bytes(4, "little") + bytes(3)) for t in range(0, 800, 20) for node in (1, 2)]
+    frames = [CanFrame(stamp_ns, 0x180 + node, data) for stamp_ns, node, data in nodes]
+    return sorted(frames + [CanFrame(stamp_ns, 0x700 + node, b"\x05") for stamp_ns, node, _ in nodes[::19]])
+
+
+def searching(frames: list[CanFrame]) -> tuple[Callable[..., LaserFound], Callable[..., list[CanFrame]]]:
+    return (lambda _urls: LASER), (lambda _bus, _seconds: frames)
+
+
+def test_infants_own_nodes_are_described_to_the_counter_and_the_checksum() -> None:
+    left, right = traffic_of(frames_of(DbcLayout()))
+    assert (left.name, left.length, left.alive) == ("0x181", 8, "alive counter in byte 6, low half")
+    assert left.crc == "CRC-8 SAE J1850 over id and data in byte 7"
+    assert left.rate_hz == pytest.approx(50.0)
+    assert {0, 6, 7} <= set(left.moving_bytes)
+    assert 5 not in left.moving_bytes
+    assert "50.0 Hz" in right.line()
+
+
+def test_constant_bytes_are_neither_a_counter_nor_a_checksum() -> None:
+    still = [CanFrame(k * 10_000_000, 0x100, bytes(8)) for k in range(50)]
+    (found,) = traffic_of(still)
+    assert (found.moving_bytes, found.alive, found.crc) == ((), "", "")
+    (once,) = traffic_of(still[:1])
+    assert once.line() == "0x100  once, 8 bytes, bytes that change: none"
+
+
+@pytest.mark.parametrize("layout", [DbcLayout(), *PRESETS], ids=lambda layout: getattr(layout, "name", "infant"))
+def test_the_layout_that_sent_the_frames_is_the_first_that_fits(layout: Layout) -> None:
+    others = [CanFrame(k * 10_000_000, 0x321, bytes((k, 0))) for k in range(80)]
+    found = layouts_that_fit(traffic_of(frames_of(layout) + others))
+    assert found[0].layout == layout
+    assert found[0].rate_hz == pytest.approx(50.0)
+
+
+def test_canopen_encoders_are_known_by_their_heartbeats() -> None:
+    found = layouts_that_fit(traffic_of(cia406_frames()))
+    assert [each.layout for each in found] == [Cia406Layout(kind="cia406", left_node=1, right_node=2)]
+
+
+def test_one_node_or_three_are_not_the_wheels_of_a_rover() -> None:
+    frames = [CanFrame(k * 20_000_000, 27 << 8 | node, bytes(8), EXTENDED) for k in range(40) for node in (1, 2, 3)]
+    assert layouts_that_fit(traffic_of(frames)) == []
+    assert layouts_that_fit(traffic_of(frames[::3])) == []
+
+
+@pytest.mark.parametrize("layout", [DbcLayout(), *PRESETS], ids=lambda layout: getattr(layout, "name", "infant"))
+def test_the_file_that_is_written_can_be_driven_with_and_is_short(layout: Layout, tmp_path: Path) -> None:
+    path, said = tmp_path / "rover.toml", list[str]()
+    result = set_up(path, "r1", Known(bus="can0"), lambda: GEOMETRY, said.append, searching(frames_of(layout)))
+    configuration = load_configuration(path)
+    validate_for_live_run(configuration, str(path))
+    assert configuration.encoders is not None
+    assert configuration.laser is not None
+    assert configuration.encoders.layout == layout
+    assert configuration.encoders.period_ms == pytest.approx(20.0)
+    assert (configuration.laser.url, configuration.vehicle.tread_m) == (LASER.url, 0.4)
+    assert configuration.slam.mount.yaw_rad == pytest.approx(3.14159, abs=1e-4)
+    assert sum(bool(line.strip()) for line in result.text.splitlines()) <= 25
+    assert any(line.startswith("laser     UST-20LX") for line in said)
+    assert result.as_json()["config"] == str(path)
+    with pytest.raises(StorageError, match="never overwritten"):
+        set_up(path, "r1", Known(bus="can0"), lambda: GEOMETRY, said.append, searching([]))
+
+
+def refuse(_bus: BusSettings, _seconds: float) -> list[CanFrame]:
+    raise LinkError("can0 is down; ip link set can0 up")
+
+
+@pytest.mark.parametrize(
+    ("known", "search", "error", "named"),
+    [
+        (Known("tcp://1.2.3.4:10940", "can0"), (lambda _urls: None, refuse), SensorError, "1.2.3.4.*--laser URL"),
+        (Known(bus="can0"), searching([]), SensorError, "nothing is heard on can0"),
+        (Known(bus="can0"), ((lambda _urls: LASER), refuse), SensorError, "ip link set"),
+        (Known(bus="can:x:y"), searching([]), UsageError, "INTERFACE:CHANNEL"),
+        (Known(bus="can0"), searching([CanFrame(0, 0x99, b"a")]), SensorError, "ids 0x099 are heard"),
+    ],
+)
+def test_what_is_not_found_ends_in_a_sentence_and_writes_nothing(
+    known: Known, search: tuple[object, object], error: type[Exception], named: str, tmp_path: Path
+) -> None:
+    with pytest.raises(error, match=named):
+        set_up(tmp_path / "a.toml", "r1", known, lambda: GEOMETRY, lambda _line: None, search)  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_machine_without_can_says_how_to_name_a_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(wizard, "can_interfaces", list)
+    with pytest.raises(SensorError, match="no CAN interface"):
+        set_up(tmp_path / "a.toml", "r1", Known(), lambda: GEOMETRY, lambda _line: None, searching([]))
+
+
+def test_socketcan_interfaces_are_found_by_their_type(tmp_path: Path) -> None:
+    for name, kind in (("eth0", "1"), ("can0", "280"), ("vcan1", "280")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "type").write_text(f"{kind}\n")
+    assert can_interfaces(tmp_path) == ["can0", "vcan1"]
+    assert bus_named("udp_multicast:239.74.163.2:41000").port == 41000
+
+
+def test_a_simulated_rover_is_found_over_its_real_wires(tmp_path: Path) -> None:
+    path = tmp_path / "rover.toml"
+    with SimulatedRover(load_configuration("mock")) as rover:
+        bus = rover.wheels.bus
+        known = Known(rover.laser.url, f"{bus.interface}:{bus.channel}:{bus.port}")
+        result = set_up(path, "r1", known, lambda: GEOMETRY, lambda _line: None, (patient, hear))
+    assert result.laser.model.startswith("UTM-X001S")
+    assert (result.laser.beams, result.laser.first_deg, result.laser.last_deg) == (1081, -135.0, 135.0)
+    assert [each.name for each in result.fitting] == ["Infant"]
+    encoders = load_configuration(path).encoders
+    assert encoders is not None
+    assert (encoders.bus.port, encoders.layout) == (bus.port, DbcLayout())
+
+
+def patient(urls: Sequence[str]) -> LaserFound | None:
+    return find_laser(urls, 120.0)
