@@ -1,7 +1,7 @@
 """Fixtures of the whole suite."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -51,3 +51,12 @@ def recorded_data() -> Callable[[str], Path]:
         return path
 
     return folder
+
+
+@pytest.fixture(scope="module")
+def patient_drawing() -> Iterator[None]:
+    """The drawing process is given all the time that it needs: it has the lowest claim on a machine that is busy."""
+    with pytest.MonkeyPatch.context() as patched:
+        for limit in ("DRAW_S", "STALLED_S", "RENEW_S"):
+            patched.setattr(f"runtime.live.drawing_process.{limit}", 600.0)
+        yield

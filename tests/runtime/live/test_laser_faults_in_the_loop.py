@@ -60,7 +60,7 @@ def test_faults_do_not_stop_the_loop_and_stand_in_its_record(tmp_path: Path) -> 
     with live_run(tmp_path / "run") as run:
         for name in strikes:
             run.strike(*FAULTS[name])
-        run.await_more("scans", 3, 120.0)
+        run.await_more("scans", 3, 600.0)
     counters = [FAULTS[name][1] for name in strikes]
     check_record(recorded(run.folder), run, {counter: counters.count(counter) for counter in counters})
 
@@ -81,10 +81,10 @@ def silences(ticks: list[RecordedTick]) -> list[list[RecordedTick]]:
 
 def test_a_silence_is_stale_and_the_pose_goes_on_from_odometry(tmp_path: Path) -> None:
     with live_run(tmp_path / "run") as run:
-        run.await_more("scans", 25, 120.0)  # the rover rests for two seconds, then it drives
+        run.await_more("scans", 25, 600.0)  # the rover rests for two seconds, then it drives
         for _ in range(2):
             run.strike(*FAULTS["silence"])
-        run.await_more("scans", 3, 120.0)
+        run.await_more("scans", 3, 600.0)
     quiet = silences(recorded(run.folder))
     assert len(quiet) >= 2
     driven_m = []
@@ -113,7 +113,7 @@ def test_a_hundred_of_a_fault_do_not_stop_the_loop(name: str, tmp_path: Path) ->
     fault, counter, over_s = FAULTS[name]
     with live_run(tmp_path / "run") as run:
         recoveries = [run.strike(fault, counter, over_s) for _ in range(100)]
-        run.await_more("scans", 12, 120.0)
+        run.await_more("scans", 12, 600.0)
         counted = run.count(counter)
     ticks = recorded(run.folder)
     row = {

@@ -100,11 +100,11 @@ def test_everyone_sees_the_run_start_get_ready_run_and_stop(tmp_path: Path) -> N
     words = ("--duration", "4", "--set", f"publish.listen=['tcp/127.0.0.1:{port}']", "--set", "publish.connect=[]")
     run = start_run(tmp_path / "run", *words, NOTIFY_SOCKET=str(tmp_path / "notify"))
     try:
-        assert until(lambda: neighbours.connect(f"tcp/127.0.0.1:{port}"), 240.0)
+        assert until(lambda: neighbours.connect(f"tcp/127.0.0.1:{port}"), 600.0)
         asked = neighbours.known_status()
-        assert until(lambda: any(status["state"] == "running" for status in neighbours.statuses), 240.0)
+        assert until(lambda: any(status["state"] == "running" for status in neighbours.statuses), 600.0)
         mapped = Path(f"/proc/{run.pid}/maps").read_text()
-        printed, errors = run.communicate(timeout=120)
+        printed, errors = run.communicate(timeout=600)
         assert run.returncode == 0, errors
         states = [status["state"] for status in neighbours.statuses]
         assert until(lambda: neighbours.manager[-1:] == ["stopping"]), neighbours.manager
@@ -144,7 +144,7 @@ def test_where_rerun_is_absent_the_rover_drives_and_says_what_to_install(tmp_pat
     listen = ("--set", "publish.listen=['tcp/127.0.0.1:0']", "--duration", "2")
     for name, live in (("asked", "true"), ("not-asked", "false")):
         run = start_run(tmp_path / name, *listen, "--set", f"review.live={live}", PYTHONPATH=without_pictures)
-        _, errors = run.communicate(timeout=240)
+        _, errors = run.communicate(timeout=600)
         assert run.returncode == 0, errors
     reasons = [event.reason for tick in RunReader(tmp_path / "asked").ticks() for event in tick.tick.events]
     assert any("needs the package rerun" in reason and "pip install rerun-sdk" in reason for reason in reasons), reasons
@@ -157,7 +157,7 @@ def test_where_rerun_is_absent_the_rover_drives_and_says_what_to_install(tmp_pat
             cwd=ROOT,
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=600,
             check=False,
         )
         assert done.returncode == 2, done.stderr

@@ -55,7 +55,7 @@ def test_a_process_that_forgot_to_close_ends_while_it_is_being_asked(times: int)
     for _ in range(times):
         port = free_port()
         arguments = [sys.executable, "-c", FORGETFUL, str(port)]
-        ended = subprocess.run(arguments, cwd=ROOT, timeout=240.0, check=False)
+        ended = subprocess.run(arguments, cwd=ROOT, timeout=600.0, check=False)
         assert ended.returncode == 0
 
 
@@ -77,7 +77,7 @@ print(listener.process.pid, flush=True)
 @pytest.mark.soak
 def test_a_process_ends_in_order_while_a_subscriber_is_stalled() -> None:
     arguments = [sys.executable, "-c", STALLED, str(free_port())]
-    ended = subprocess.run(arguments, cwd=ROOT, timeout=240.0, check=False, stdout=subprocess.PIPE)
+    ended = subprocess.run(arguments, cwd=ROOT, timeout=600.0, check=False, stdout=subprocess.PIPE)
     subprocess.run(["kill", "-9", ended.stdout.decode().strip()], check=True)
     assert ended.returncode == 0
 

@@ -29,7 +29,10 @@ from tests.support.zenoh.wire import until
 TICKS = 60
 CLOSED_AFTER = (20, 40)
 RENEWED_MB = 250.0
-pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")
+pytestmark = [
+    pytest.mark.usefixtures("patient_drawing"),
+    pytest.mark.filterwarnings("ignore:RRD file has no footer"),
+]
 
 
 def rotated(ticks: Iterator[list[Record]], closed_after: tuple[int, ...]) -> Iterator[Record]:
@@ -75,10 +78,7 @@ def test_every_part_can_be_looked_at_alone(tmp_path: Path) -> None:
         assert b"blueprint" in path.read_bytes()
 
 
-def test_the_recorder_says_when_a_segment_is_closed_and_the_review_follows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("runtime.live.drawing_process.DRAW_S", 240.0)  # on a busy machine the child is behind
+def test_the_recorder_says_when_a_segment_is_closed_and_the_review_follows(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path / "run", tmp_path)
     review = ReviewProcess(folder.review_path, ReviewSettings(), MOUNT)
     recorder = Recorder(folder, RunHeader.of_live_run("", {}), RecordSettings(segment_s=0.5), [review])
@@ -96,14 +96,15 @@ def test_the_recorder_says_when_a_segment_is_closed_and_the_review_follows(
     closed = [f"run-{number:04d}.mcap" for number in folder.closed_segments()]
     drawn = [path.name.replace("review", "run").replace(".rrd", ".mcap") for path in folder.review_paths()[:-1]]
     assert drawn == closed[: len(drawn)]
-    assert len(closed) - len(drawn) <= 1
+    # on a busy machine the last segments may pass without a tick, and then nothing is drawn
+    with_ticks = [number for number in folder.closed_segments() if folder.closed_path(number).stat().st_size > 10_000]
+    assert len(drawn) >= max(with_ticks) - 1
 
 
 def test_a_child_that_has_grown_is_followed_by_another_and_nothing_is_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("runtime.live.drawing_process.RENEW_MB", 1.0)
-    monkeypatch.setattr("runtime.live.drawing_process.DRAW_S", 240.0)
     (tmp_path / "renewed").mkdir()
     process = ReviewProcess(tmp_path / "renewed" / "review.rrd", ReviewSettings(), MOUNT)
     pids = {process.pid}

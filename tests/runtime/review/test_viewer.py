@@ -32,7 +32,7 @@ CONFIGURATION = "[slam.mount]\nx_m = 0.3\n"
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
+def run(tmp_path_factory: pytest.TempPathFactory, patient_drawing: None) -> RunFolder:
     """A recorded run of 12 s with its review."""
     folder = RunFolder.create(tmp_path_factory.mktemp("runs") / "run", Path())
     file = RecordFile(folder.mcap_path, RunHeader(CONFIGURATION, "live").metadata)

@@ -52,7 +52,7 @@ def driven(settings: LaserSettings, tap: RawTap | None = None, raw_around_errors
         driver.close()
 
 
-def wait_for(condition: Callable[[], bool], within_s: float = 120.0) -> float:
+def wait_for(condition: Callable[[], bool], within_s: float = 600.0) -> float:
     """Seconds until the condition held; fails the test, naming its place, if it does not in time."""
     began = time.monotonic()
     while not condition():

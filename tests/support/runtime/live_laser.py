@@ -65,7 +65,7 @@ class LiveRun:
         """A counter of the driver."""
         return self.laser.counters.get(counter, 0)
 
-    def strike(self, fault: dict[str, Any], counter: str, over_s: float, within_s: float = 120.0) -> float:
+    def strike(self, fault: dict[str, Any], counter: str, over_s: float, within_s: float = 600.0) -> float:
         """Inject a fault into a laser at work; returns seconds from its end to the next scan.
 
         over_s: when it is over, counted from the injection. Asserts that it was counted and that scans come again.
@@ -114,9 +114,9 @@ def live_run(path: Path, overrides: dict[str, str] | None = None, shown: TextIO 
     thread = threading.Thread(target=run_live, args=(configuration, folder, host, None, wire))
     thread.start()
     try:
-        assert wired.wait(240.0), "the run was not wired"
+        assert wired.wait(600.0), "the run was not wired"
         run = LiveRun(rover, found[0], folder, thread)
-        run.await_more("scans", 1, 240.0)  # kernels may compile first
+        run.await_more("scans", 1, 600.0)  # kernels may compile first
         rover.start_world(time.monotonic_ns())
         yield run
     finally:

@@ -27,7 +27,7 @@ from tests.support.runtime.recorded_values import make_estimate, make_tick, make
 
 TICK_S = 0.02
 DISK = "size=6m"
-PATIENCE_S = 120.0
+PATIENCE_S = 600.0
 
 
 class Drive:

@@ -28,7 +28,7 @@ def free_port() -> int:
         return port
 
 
-def until(condition: Callable[[], bool], seconds: float = 120.0) -> bool:
+def until(condition: Callable[[], bool], seconds: float = 600.0) -> bool:
     deadline_s = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline_s:
@@ -50,7 +50,7 @@ def publishing(settings: PublishSettings, rover: str = "r1", **options: Any) -> 
         publisher.close()
 
 
-def opened(publisher: ZenohPublisher, within_s: float = 120.0) -> tuple[str, ...]:
+def opened(publisher: ZenohPublisher, within_s: float = 600.0) -> tuple[str, ...]:
     """Wait until the session is open and return where it listens; empty if it is not open by then."""
     until(lambda: publisher.listening is not None, within_s)
     return publisher.listening or ()
@@ -71,7 +71,7 @@ def put_ticks(publisher: ZenohPublisher, seqs: range, period_s: float) -> list[f
 class Listener:
     """A process that subscribes; `messages` fills while it runs."""
 
-    def __init__(self, endpoint: str, key: str, seconds: float = 240.0) -> None:
+    def __init__(self, endpoint: str, key: str, seconds: float = 1200.0) -> None:
         self.messages: list[dict[str, Any]] = []
         self.ready = threading.Event()
         self.process = subprocess.Popen(
@@ -103,10 +103,10 @@ class Listener:
 
 
 @contextmanager
-def listening(endpoint: str, key: str, seconds: float = 240.0) -> Iterator[Listener]:
+def listening(endpoint: str, key: str, seconds: float = 1200.0) -> Iterator[Listener]:
     listener = Listener(endpoint, key, seconds)
     try:
-        assert listener.ready.wait(120.0), "the listener did not come up"
+        assert listener.ready.wait(600.0), "the listener did not come up"
         yield listener
     finally:
         listener.close()

@@ -31,7 +31,7 @@ CONFIGURATION = 'rover = "infant"\nseed = 1\n'
 VERSIONS = {"infant": "0.1.0", "numpy": "2.0"}
 
 
-def wait_until(condition: Callable[[], bool], within_s: float = 120.0) -> None:
+def wait_until(condition: Callable[[], bool], within_s: float = 600.0) -> None:
     deadline_s = time.monotonic() + within_s
     while not condition():
         assert time.monotonic() < deadline_s, "did not happen in time"
