@@ -7,14 +7,15 @@ import difflib
 import os
 import shutil
 import subprocess
+import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
 from runtime.atomic_write import atomic_write
-from runtime.errors import PreflightError, StorageError
-from runtime.settings.configuration import load_configuration
+from runtime.errors import ConfigurationError, PreflightError, StorageError
+from runtime.settings.configuration import Configuration, load_configuration
 from runtime.setup.validation import validate_for_live_run
 from runtime.source_tree import CONFIG, SYSTEMD, shipped_configuration
 
@@ -73,13 +74,16 @@ def plan_install(root: Path, program: Path, configuration: Path | None = None) -
     """
     files = tuple(_planned(SYSTEMD / name, root / place, program) for name, place in PLACES.items())
     source = shipped_configuration(configuration or CONFIG / "rover.toml")
-    validate_for_live_run(load_configuration(source), str(source))
+    configured = load_configuration(source)
+    validate_for_live_run(configured, str(source))
     chosen = _planned(source, root / CONFIGURATION, program)
     notes: tuple[str, ...] = ()
     if chosen.state is FileState.DIFFERS:
         chosen = PlannedFile(chosen.path, chosen.text, FileState.KEPT, chosen.diff)
         validate_for_live_run(load_configuration(chosen.path), str(chosen.path))
         notes += (f"{chosen.path} is kept as it is: a configuration is never overwritten",)
+    else:
+        files += _layout_file(configured, source, root, program)
     if root == Path("/"):
         live = _live_commands()
         notes += _live_notes()
@@ -96,6 +100,25 @@ def plan_install(root: Path, program: Path, configuration: Path | None = None) -
         ("systemctl", *offline, "enable", "infant.service"),
     )
     return Plan((*files, chosen), commands, notes)
+
+
+def _layout_file(configuration: Configuration, source: Path, root: Path, program: Path) -> tuple[PlannedFile, ...]:
+    """The DBC or EDS that the configuration names, beside it under the same relative name; an absolute one stays.
+
+    Raises ConfigurationError where it would lie outside of the folder, or is no UTF-8 text.
+    """
+    file = getattr(configuration.encoders and configuration.encoders.layout, "file", None)
+    named = Path(tomllib.loads(_text(source))["encoders"]["layout"]["file"]) if file is not None else None
+    if file is None or named is None or named.is_absolute():
+        return ()
+    if ".." in named.parts:
+        raise ConfigurationError(f"{source}: encoders.layout.file = {str(named)!r}: put it beside the configuration")
+    try:
+        planned = _planned(Path(file), (root / CONFIGURATION).parent / named, program)
+    except StorageError as error:
+        raise ConfigurationError(f"{error}; save {file} as UTF-8 text") from error
+    kept = planned.state is FileState.DIFFERS
+    return (replace(planned, state=FileState.KEPT) if kept else planned,)
 
 
 def plan_removal(root: Path, program: Path) -> Plan:

@@ -6,22 +6,29 @@ import shutil
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from drivers.canbus.frame import CanFrame
 from drivers.laser.hokuyo import Hokuyo
-from drivers.measurements import Encoders, Laser, SensorHealth, SensorState
+from drivers.measurements import DriverError, Encoders, Laser, SensorHealth, SensorState
+from drivers.settings.can import BusSettings
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.laser import LaserSettings
 from drivers.wheels.encoders import CanEncoders
 from runtime.errors import ConfigurationError
 from runtime.settings.configuration import Configuration
+from runtime.setup.discover.can_traffic import traffic_of
+from runtime.setup.discover.listen import hear
+from runtime.setup.discover.wheel_layouts import layouts_that_fit
 from runtime.simulation.rover_process import SimulatedRover
 
 POLL_S = 0.1
+HEAR_S = 2.0  # of every id, where the wheels are not among them
+MOST_IDS = 12  # shown
 LISTEN_S = 4.0  # long enough for a start-up and a second of stream
 RATE_TOLERANCE = 0.05
 BYTES_PER_HOUR = 450e6  # measured: run.mcap 4.6 MB and review.rrd below 3 MB a minute with 1081 beams at 10 Hz
@@ -167,12 +174,35 @@ def check_sensors(configuration: Configuration, laser: LaserSettings, encoders: 
             parts[0].latest()
             parts[1].drain()
         yield judge_sensor("laser", parts[0].health(), laser.rate_hz)
-        yield judge_sensor("encoders", parts[1].health(), 1000.0 / encoders.period_ms)
+        judged = judge_sensor("encoders", parts[1].health(), 1000.0 / encoders.period_ms)
+        yield judged
+        if judged.verdict is CheckResult.FAIL:
+            yield check_bus(encoders.bus)
     finally:
         for part in parts:
             part.close()
         if rover is not None:
             rover.close()
+
+
+def check_bus(bus: BusSettings, listen: Callable[[BusSettings, float], list[CanFrame]] = hear) -> Check:
+    """What is heard where the wheels are not: the ids on the bus, and a layout that would fit them."""
+    try:
+        traffic = traffic_of(listen(bus, HEAR_S))
+    except DriverError as error:
+        return Check("bus", CheckResult.FAIL, str(error), "mend the interface first")
+    if not traffic:
+        reason = f"nothing is heard on {bus.channel} in {HEAR_S:g} s"
+        return Check("bus", CheckResult.FAIL, reason, "check power of the nodes, bit rate and termination")
+    reason = f"heard on {bus.channel}: " + "; ".join(
+        f"{each.name} ({each.frames} frames)" for each in traffic[:MOST_IDS]
+    )
+    reason += f"; {len(traffic) - MOST_IDS} more ids" if len(traffic) > MOST_IDS else ""
+    fitting = layouts_that_fit(traffic)
+    if not fitting:
+        return Check("bus", CheckResult.WARN, reason, "compare these ids with those in encoders.layout")
+    remedy = f"{fitting[0].name} fits these: 'infant setup' writes a configuration for it"
+    return Check("bus", CheckResult.WARN, reason, remedy)
 
 
 def judge_sensor(name: str, health: SensorHealth, target_hz: float) -> Check:

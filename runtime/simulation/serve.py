@@ -31,7 +31,13 @@ def serve_rover(
     rover.start()
     try:
         rover.drive(time.monotonic_ns())
-        stream.write(f"laser  {rover.laser_url}\nwheels {rover.encoders.bus.model_dump_json(exclude_none=True)}\n")
+        bus = rover.encoders.bus
+        name = f"{bus.interface}:{bus.channel}" + (f":{bus.port}" if bus.port else "")
+        stream.write(
+            f"laser  {rover.laser_url}  speaks SCIP 2; any client can connect\n"
+            f"wheels {name}  CAN frames as python-can has them, INTERFACE:CHANNEL:PORT\n"
+            f"try    infant setup --laser {rover.laser_url} --can {name}\n"
+        )
         _wait(rover.devices, stop, stream, faults)
     finally:
         rover.close()
@@ -61,7 +67,7 @@ def _wait(devices: Mapping[str, Device], stop: threading.Event, stream: TextIO, 
         stream.flush()
 
     if faults is not None:
-        say(f"faults one a line: {EXAMPLES}")
+        say(f"faults one a line, help lists them: {EXAMPLES}")
         obey_lines(faults, devices, say)
     stream.flush()
     stop.wait()

@@ -1,8 +1,8 @@
 """Faults that a person types at a running `infant sim`: one line each, on its standard input."""
 
 import threading
-from collections.abc import Callable, Mapping
-from typing import Any, Protocol, TextIO
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Protocol, TextIO, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -41,11 +41,13 @@ def obey_lines(lines: TextIO, devices: Mapping[str, Device], say: Callable[[str]
 
 
 def obey(line: str, devices: Mapping[str, Device]) -> str:
-    """Carry out 'DEVICE FAULT [KEY=VALUE]...' or 'clear DEVICE' and tell what was done.
+    """Carry out 'DEVICE FAULT [KEY=VALUE]...', 'clear DEVICE' or 'help' and tell what was done.
 
     Raises UsageError for a line that is neither, for a device that is not there and for a fault that does not exist.
     """
     words = line.split()
+    if words == ["help"]:
+        return "\n".join(fault_lines(devices))
     if words[0] == "clear" and len(words) == 2:
         _known(words[1], devices).clear()
         return f"{words[1]}: no faults"
@@ -59,6 +61,20 @@ def obey(line: str, devices: Mapping[str, Device]) -> str:
     except ValidationError as error:
         raise UsageError("; ".join(_sentence(words[0], problem) for problem in error.errors())) from error
     return f"{words[0]}: {' '.join(words[1:])}"
+
+
+def fault_lines(devices: Iterable[str]) -> list[str]:
+    """Every fault of these devices, and the parameters that a fault can have with their defaults."""
+    lines = []
+    for device in devices:
+        model, name = FAULTS[device]
+        annotation: Any = model.model_fields[name].annotation
+        faults = [str(each) for each in (get_args(annotation) or annotation)]
+        lines.append(f"{device} FAULT [KEY=VALUE]...   FAULT: {', '.join(faults)}")
+        parameters = ((key, field) for key, field in model.model_fields.items() if key != name)
+        lines += [f"    {key}={field.default}  {field.description}" for key, field in parameters]
+        lines.append(f"clear {device}   end all of its faults")
+    return lines
 
 
 def _known(name: str, devices: Mapping[str, Device]) -> Device:

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from drivers.wheels.layouts.choose import ROVER_DBC
 from runtime.errors import ConfigurationError, PreflightError, StorageError
+from runtime.settings.configuration import load_configuration
 from runtime.setup import install
 from runtime.setup.install import CONFIGURATION, PLACES, SHIPPED_PROGRAM, Command, FileState, Plan
 from runtime.setup.place import place_trouble
@@ -184,3 +186,20 @@ def test_a_machine_that_cannot_be_installed_into_is_refused_with_code_4(tmp_path
     assert done.returncode == 4
     assert "is no folder; give the root of an image" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_the_dbc_of_a_configuration_goes_with_it(tmp_path: Path) -> None:
+    folder, root = tmp_path / "mine", tmp_path / "root"
+    (folder / "maker").mkdir(parents=True)
+    root.mkdir()
+    shutil.copy(ROVER_DBC, folder / "maker" / "wheels.dbc")
+    source = folder / "rover.toml"
+    source.write_text('[laser]\n[encoders.bus]\nport = 1\n[encoders.layout]\nkind = "dbc"\nfile = "maker/wheels.dbc"\n')
+    install.apply(install.plan_install(root, SHIPPED_PROGRAM, source), lambda _command: None)
+    assert (root / "etc/infant/maker/wheels.dbc").read_bytes() == ROVER_DBC.read_bytes()
+    there = load_configuration(root / CONFIGURATION).encoders
+    assert there is not None
+    assert getattr(there.layout, "file", None) == str((root / "etc/infant/maker/wheels.dbc").resolve())
+    source.write_text(source.read_text().replace("maker/", "../mine/maker/"))
+    with pytest.raises(ConfigurationError, match="beside the configuration"):
+        install.plan_install(tmp_path / "mine", SHIPPED_PROGRAM, source)

@@ -4,11 +4,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from drivers.measurements import SensorHealth, SensorState
+from drivers.canbus.frame import EXTENDED, CanFrame
+from drivers.measurements import LinkError, SensorHealth, SensorState
+from drivers.settings.can import BusSettings
 from runtime.settings.configuration import load_configuration_text
 from runtime.setup.preflight import (
     Check,
     CheckResult,
+    check_bus,
     check_calibration,
     check_clock,
     check_disk,
@@ -84,3 +87,21 @@ def test_a_silent_sensor_fails_and_a_slow_one_warns() -> None:
     assert judge_sensor("laser", SensorHealth(SensorState.STARTING, "no answer", 0.0), 10.0).verdict is FAIL
     assert judge_sensor("laser", SensorHealth(SensorState.FRESH, "", 5.0), 10.0).verdict is WARN
     assert judge_sensor("laser", SensorHealth(SensorState.FRESH, "", 9.98), 10.0).verdict is PASS
+
+
+def down(_bus: BusSettings, _seconds: float) -> list[CanFrame]:
+    raise LinkError("can0 is down; ip link set can0 up")
+
+
+def test_where_the_wheels_are_not_heard_the_ids_that_are_say_what_would_fit() -> None:
+    bus = BusSettings(interface="socketcan", channel="can0")
+    sent = [(k * 20_000_000, 27 << 8 | node, bytes((k, *range(7)))) for k in range(50) for node in (1, 2)]
+    vesc = [CanFrame(*each, EXTENDED) for each in sent]
+    told = check_bus(bus, lambda _bus, _seconds: vesc)
+    assert (told.verdict, "0x00001B01 (50 frames)" in told.reason) == (CheckResult.WARN, True)
+    assert "VESC fits" in told.remedy
+    strange = check_bus(bus, lambda _bus, _seconds: [CanFrame(0, number, b"a") for number in range(20)])
+    assert "8 more ids" in strange.reason
+    assert "encoders.layout" in strange.remedy
+    assert "nothing is heard" in check_bus(bus, lambda _bus, _seconds: []).reason
+    assert "ip link set" in check_bus(bus, down).reason

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from typing import get_args
 
 import pytest
 from pydantic import BaseModel
@@ -53,6 +54,14 @@ def test_a_line_becomes_a_fault_of_the_device_and_clear_ends_it() -> None:
 def test_a_line_that_cannot_be_obeyed_is_answered_by_one_sentence(line: str, named: str) -> None:
     with pytest.raises(UsageError, match=named):
         obey(line, {"laser": Recorded(), "wheels": Recorded()})
+
+
+def test_help_lists_every_fault_and_its_parameters_with_defaults() -> None:
+    text = obey("help", {"laser": Recorded(), "wheels": Recorded()})
+    for fault in (*FaultKind, *get_args(WheelFault.model_fields["name"].annotation)):
+        assert f"{fault}" in text
+    assert "    wheel=left  whose frames" in text
+    assert "    duration_s=0.0  seconds until it ends by itself; 0: never" in text
 
 
 def test_the_running_simulation_answers_lines_and_goes_on_after_a_wrong_one() -> None:
