@@ -38,7 +38,7 @@ WIDEST_SQUARE = 30.0  # nor where the result contradicts the wheels by this squa
 SUSPECT_SQUARE = 11.3  # that wheels which were only suspected are off by, 99 % of what chance makes of three numbers
 SLIPPED = np.diag((0.15, 0.15, 0.1)) ** 2  # m^2, rad^2, of the motion by wheels that are suspected
 SLIP_SHARE = 0.7  # so many points are on surfaces then
-SLIP_GAIN = 0.1  # and so many more than by the wheels' motion
+SLIP_GAIN = 0.05  # and so many more than by the wheels' motion
 POOR_SHARE = 0.25  # so many points fewer than usual on surfaces say that the best motion near the wheels' is wrong too
 WIDE_PAUSE_NS = 1_000_000_000  # between two searches far from where the wheels say: each costs some milliseconds
 

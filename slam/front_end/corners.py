@@ -12,7 +12,7 @@ import numpy as np
 from drivers.measurements import FloatArray, IntArray
 from slam.compiled import kernel
 from slam.front_end.deskew import Beams
-from slam.front_end.trunks import GUARD_BEAMS, PROMINENCE_M, clear_beside
+from slam.front_end.trunks import PROMINENCE_M, Holes, clear_beside
 from slam.settings.front_end import FrontEndSettings
 
 LINE_SPLIT_M = 0.08  # a wall bends where a point is so far off the chord, m
@@ -28,7 +28,8 @@ CORNER, WALL_END = 0, 1
 
 class Limits(NamedTuple):
     """What the scan and the settings say of walls: angle between beams, width of the widest thing that is none, RMS
-    distance of returns from a line at most, variance of one return, and how blunt corners are.
+    distance of returns from a line at most, variance of one return, how blunt corners are, and what holes walls may
+    have.
     """
 
     spacing_rad: float
@@ -36,6 +37,7 @@ class Limits(NamedTuple):
     rms_m: float
     variance_m2: float
     blunt_m2: float
+    holes: Holes
 
 
 class Line(NamedTuple):
@@ -220,20 +222,20 @@ def _corners(points_m: FloatArray, ranges_m: FloatArray, runs: IntArray, limits:
             cross = before.cosine * line.sine - before.sine * line.cosine if bends else 0.0
             if bends and abs(cross) > CORNER_SINE:
                 count = _write(features, count, _meeting(before, line, cross, limits), begin, CORNER)
-            if piece == 0 and clear_beside(ranges_m, first, -1, GUARD_BEAMS, ranges_m[first] + PROMINENCE_M):
+            if piece == 0 and clear_beside(ranges_m, first, -1, limits.holes, PROMINENCE_M):
                 count = _wall_end(line, points_m, first, -1.0, limits, features, count)
-            if piece == pieces - 2 and clear_beside(ranges_m, last, 1, GUARD_BEAMS, ranges_m[last] + PROMINENCE_M):
+            if piece == pieces - 2 and clear_beside(ranges_m, last, 1, limits.holes, PROMINENCE_M):
                 count = _wall_end(line, points_m, last, 1.0, limits, features, count)
             before, bends = line, True
     return count
 
 
-def corners(beams: Beams, runs: IntArray, settings: FrontEndSettings) -> FloatArray:
+def corners(beams: Beams, runs: IntArray, settings: FrontEndSettings, holes: Holes) -> FloatArray:
     """(c, 8) corners and free ends of walls.
 
     Columns: range m, bearing rad, variance m^2, covariance m rad, variance rad^2, first and last beam, 1 for an end.
     """
     found = np.empty((len(beams) + 2, 8))
     sigma_m = settings.sigma_range_m
-    limits = Limits(beams.spacing_rad, settings.width_max_m, LINE_RMS_M + sigma_m, sigma_m**2, SIGMA_CORNER_M**2)
+    limits = Limits(beams.spacing_rad, settings.width_max_m, LINE_RMS_M + sigma_m, sigma_m**2, SIGMA_CORNER_M**2, holes)
     return found[: _corners(beams.points_m, beams.ranges_m, runs, limits, found)]

@@ -9,7 +9,7 @@ from slam.front_end.corners import corners
 from slam.front_end.deskew import Beams, Twist, deskew
 from slam.front_end.differencing import DIFFERENCE_M, CompensatedVote, PlacedScan, equal_angle_difference
 from slam.front_end.spacing import SPACING_M, range_extrema, spaced
-from slam.front_end.trunks import runs_of_beams, trunk_variances, trunks
+from slam.front_end.trunks import holes_in, runs_of_beams, trunk_variances, trunks
 from slam.observations import BeamVerdict, Features
 from slam.pose import Pose2
 from slam.settings.front_end import FrontEndSettings
@@ -161,15 +161,16 @@ class RobustFrontEnd:
     def _features(self, beams: Beams) -> tuple[FloatArray, IntArray]:
         """Rows (k, 5) range, bearing, variance, covariance, variance, and (k, 2) first and last beam."""
         settings = self._settings
-        runs = runs_of_beams(beams)
-        narrow = trunks(beams, runs, settings)
+        holes = holes_in(beams)
+        runs = runs_of_beams(beams, holes)
+        narrow = trunks(beams, runs, settings, holes)
         variances = trunk_variances(narrow, beams.spacing_rad, settings)
         rows = np.column_stack((narrow[:, :2], variances[:, 0], np.zeros(len(narrow)), variances[:, 1]))
         extents = narrow[:, 4:6]
         if settings.wall_corners:
             is_trunk = np.zeros(len(runs), dtype=np.bool_)
             is_trunk[np.searchsorted(runs[:, 0], narrow[:, 4], side="right") - 1] = True
-            walls = corners(beams, runs[~is_trunk], settings)
+            walls = corners(beams, runs[~is_trunk], settings, holes)
             floor = (settings.sigma_range_floor_m**2, 0.0, settings.sigma_bearing_floor_rad**2)
             walls[:, 2:5] += floor
             rows, extents = np.vstack((rows, walls[:, :5])), np.vstack((extents, walls[:, 5:7]))

@@ -1,6 +1,7 @@
 """Runs of neighbouring beams on one surface, and the narrow ones among them: trunks and posts."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,13 +12,25 @@ from slam.settings.front_end import FrontEndSettings
 
 GAP_M = 0.1  # neighbouring returns farther apart are of two things, m, plus GAP_BEAMS
 GAP_BEAMS = 3.0  # times the beams' own distance at that range; 3 follows a wall up to 70 deg of incidence
-BRIDGE_BEAMS = 1  # so many empty beams do not end a segment
+BRIDGE_BEAMS = 1  # so many empty beams do not end a segment, or as many as chance drops in a row:
+BRIDGE_CHANCE, HOLE_CHANCE = 1e-3, 1e-4  # probabilities of a longer run of dropped beams; of a hole
+MOST_DROPPED = 12  # in a row: half of all beams, once in four thousand
 GUARD_BEAMS = 2  # so many beams beside a segment must not fall on anything near it
-HOLE_BEAMS = 8  # so many empty beams in a row may be a hole in a surface
+HOLE_BEAMS = 8  # so many empty beams in a row may be a hole in a surface, or as many as chance drops
 PROMINENCE_M = 0.3  # what is beside a segment is behind it by this, m
 THIN_PROMINENCE_M = 0.6  # the same for segments of one or two beams, m: noise has such dips too
 ROUGHNESS = 0.12  # RMS distance from a round trunk, in radii, beyond which a segment is none; a flat board has 0.22
 SET_BACK = math.pi / 4.0  # mean over a round face of its depth before the centre, in radii
+
+
+class Holes(NamedTuple):
+    """How many empty beams in a row do not end a segment, how many may be a hole in a surface, and how far apart its
+    neighbouring returns may be, m per m of range.
+    """
+
+    bridge: int
+    longest: int
+    gap_per_m: float
 
 
 @kernel
@@ -42,29 +55,60 @@ def _runs(
     return count
 
 
-def runs_of_beams(beams: Beams) -> IntArray:
+@kernel
+def _dropped(points_m: FloatArray, ranges_m: FloatArray, gap_m: float, gap_per_m: float) -> float:
+    """Share of the beams on surfaces that came back empty: those between two returns close to each other."""
+    dropped, returned, last = 0, 0, -1
+    for beam in range(ranges_m.shape[0]):
+        if math.isnan(ranges_m[beam]):
+            continue
+        if last >= 0 and beam - last <= MOST_DROPPED + 1:
+            step_x, step_y = points_m[beam, 0] - points_m[last, 0], points_m[beam, 1] - points_m[last, 1]
+            limit = gap_m + gap_per_m * (beam - last) * min(ranges_m[beam], ranges_m[last])
+            if step_x * step_x + step_y * step_y <= limit * limit:
+                dropped += beam - last - 1
+                returned += 1
+        last = beam
+    return dropped / max(dropped + returned, 1)
+
+
+def holes_in(beams: Beams) -> Holes:
+    """What is dropped by chance in this scan: on wet, dark and glass surfaces, in rain."""
+    gap_per_m = GAP_BEAMS * beams.spacing_rad
+    share = _dropped(beams.points_m, beams.ranges_m, GAP_M, gap_per_m)
+    if share <= 0.0:
+        return Holes(BRIDGE_BEAMS, HOLE_BEAMS, gap_per_m)
+    bridge, longest = (math.ceil(math.log(chance) / math.log(share)) for chance in (BRIDGE_CHANCE, HOLE_CHANCE))
+    return Holes(
+        min(max(BRIDGE_BEAMS, bridge - 1), MOST_DROPPED), min(max(HOLE_BEAMS, longest), 2 * MOST_DROPPED), gap_per_m
+    )
+
+
+def runs_of_beams(beams: Beams, holes: Holes) -> IntArray:
     """(s, 2) first and last beam of every run whose neighbours lie close to each other, in order of the beams."""
     runs = np.empty((len(beams), 2), dtype=np.int64)
-    gap_per_m = GAP_BEAMS * beams.spacing_rad
-    count = _runs(beams.points_m, beams.ranges_m, GAP_M, gap_per_m, BRIDGE_BEAMS, runs)
+    count = _runs(beams.points_m, beams.ranges_m, GAP_M, holes.gap_per_m, holes.bridge, runs)
     return runs[:count]
 
 
 @kernel
-def clear_beside(ranges_m: FloatArray, beam: int, step: int, guard: int, farther_than_m: float) -> bool:
-    """True if the first return within `guard` beams beside `beam` lies behind; False at the end of the sweep.
+def clear_beside(ranges_m: FloatArray, beam: int, step: int, holes: Holes, behind_m: float) -> bool:
+    """True if the first return beside `beam` lies behind it by more than behind_m; False at the end of the sweep.
 
-    Something nearer there hides where the surface really ends. Where all of these beams came back empty, a return as
-    far away within HOLE_BEAMS says that the surface goes on behind a hole: wet, dark and glass drop beams.
+    Something nearer hides where the surface really ends. Where GUARD_BEAMS came back empty, and more than chance drops,
+    a return as far away within the longest hole says that the surface goes on behind it.
     """
-    for offset in range(1, max(guard, HOLE_BEAMS) + 1):
+    near = max(GUARD_BEAMS, holes.bridge)
+    for offset in range(1, max(near, holes.longest) + 1):
         other = beam + step * offset
         if other < 0 or other >= ranges_m.shape[0]:
             return offset > 1
         if not math.isnan(ranges_m[other]):
-            if offset <= guard:
-                return bool(ranges_m[other] > farther_than_m)
-            return bool(abs(ranges_m[other] - ranges_m[beam]) > PROMINENCE_M)
+            if offset <= GUARD_BEAMS:
+                return bool(ranges_m[other] > ranges_m[beam] + behind_m)
+            off_m = ranges_m[other] - ranges_m[beam]
+            goes_on_m = PROMINENCE_M + holes.gap_per_m * offset * min(ranges_m[other], ranges_m[beam])
+            return bool(off_m > goes_on_m or (offset > near and off_m < -goes_on_m))
     return True
 
 
@@ -107,6 +151,7 @@ def _trunks(
     spacing_rad: float,
     sigma_m: float,
     width_max_m: float,
+    holes: Holes,
     trunks: FloatArray,
 ) -> int:
     count = 0
@@ -142,8 +187,8 @@ def _trunks(
             continue
         behind = THIN_PROMINENCE_M if hits <= 2 else PROMINENCE_M
         if not (
-            clear_beside(ranges_m, runs[run, 0], -1, GUARD_BEAMS, ranges_m[first] + behind)
-            and clear_beside(ranges_m, runs[run, 1], 1, GUARD_BEAMS, ranges_m[last] + behind)
+            clear_beside(ranges_m, runs[run, 0], -1, holes, ranges_m[first] - ranges_m[runs[run, 0]] + behind)
+            and clear_beside(ranges_m, runs[run, 1], 1, holes, ranges_m[last] - ranges_m[runs[run, 1]] + behind)
         ):
             continue
         bearing = 0.5 * (bearings_rad[first] + bearings_rad[last])
@@ -156,7 +201,7 @@ def _trunks(
     return count
 
 
-def trunks(beams: Beams, runs: IntArray, settings: FrontEndSettings) -> FloatArray:
+def trunks(beams: Beams, runs: IntArray, settings: FrontEndSettings, holes: Holes) -> FloatArray:
     """(t, 6) narrow runs with background behind both edges.
 
     Columns: range m and bearing rad of the centre, radius m, number of returns, first and last beam.
@@ -169,6 +214,7 @@ def trunks(beams: Beams, runs: IntArray, settings: FrontEndSettings) -> FloatArr
         beams.spacing_rad,
         settings.sigma_range_m,
         settings.width_max_m,
+        holes,
         found,
     )
     return found[:count]

@@ -9,7 +9,7 @@ from drivers.measurements import FloatArray, Scan, uniform_bearings
 from slam.front_end import corners as corner_module
 from slam.front_end.corners import corners
 from slam.front_end.deskew import Twist, deskew
-from slam.front_end.trunks import runs_of_beams
+from slam.front_end.trunks import holes_in, runs_of_beams
 from slam.pose import Pose2
 from slam.settings.front_end import FrontEndSettings
 from tests.support.examples import examples
@@ -36,7 +36,8 @@ def found(ranges: FloatArray, settings: FrontEndSettings = SETTINGS) -> tuple[Fl
     """Points (c, 2) and rows (c, 8)."""
     scan = Scan(0, ranges.astype(np.float32), BEARINGS, range_max_m=60.0)
     beams = deskew(scan, Twist(), Pose2(), 0.1, 60.0)
-    rows = corners(beams, runs_of_beams(beams), settings)
+    holes = holes_in(beams)
+    rows = corners(beams, runs_of_beams(beams, holes), settings, holes)
     return np.stack((rows[:, 0] * np.cos(rows[:, 1]), rows[:, 0] * np.sin(rows[:, 1])), axis=-1), rows
 
 
@@ -114,6 +115,15 @@ def test_a_straight_wall_and_a_ring_have_no_corner() -> None:
     assert not np.any(rows[:, 7] == 0)
     _, rows = found(np.full(BEARINGS.shape, 5.0))
     assert not np.any(rows[:, 7] == 0)
+
+
+def test_a_long_wall_of_which_half_the_beams_are_dropped_has_no_ends() -> None:
+    wall = cast([((-12.0, 4.0), (20.0, 4.0))])
+    generator = np.random.default_rng(4)
+    _, whole = found(wall)
+    for share in (0.05, 0.2, 0.5):
+        counts = [len(found(np.where(generator.random(len(wall)) < share, np.inf, wall))[1]) for _ in range(10)]
+        assert np.mean(counts) <= len(whole) + 0.5
 
 
 def test_every_covariance_is_positive_definite() -> None:

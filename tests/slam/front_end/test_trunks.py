@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from drivers.measurements import Scan, uniform_bearings
 from slam.front_end.deskew import Beams, Twist, deskew
-from slam.front_end.trunks import runs_of_beams, trunk_variances, trunks
+from slam.front_end.trunks import holes_in, runs_of_beams, trunk_variances, trunks
 from slam.pose import Pose2
 from slam.settings.front_end import FrontEndSettings
 from tests.support.examples import examples
@@ -31,7 +31,8 @@ def round_trunk(distance: float, bearing: float, radius: float) -> NDArray[np.fl
 
 def found(ranges: NDArray[np.float64], settings: FrontEndSettings = SETTINGS) -> NDArray[np.float64]:
     beams = beams_of(ranges)
-    return trunks(beams, runs_of_beams(beams), settings)
+    holes = holes_in(beams)
+    return trunks(beams, runs_of_beams(beams, holes), settings, holes)
 
 
 @examples(200)
@@ -55,11 +56,22 @@ def test_the_centre_of_a_round_trunk_is_within_four_sigma_of_what_is_claimed(
 def test_a_wall_with_holes_has_no_trunks_and_a_post_before_the_sky_is_still_one() -> None:
     rng = np.random.default_rng(2)
     wall = np.where(np.abs(BEARINGS) < 1.0, 6.0 / np.cos(BEARINGS), np.inf)
-    for share in (0.05, 0.2):
+    for share in (0.05, 0.2, 0.5):
         assert len(found(np.where(rng.random(len(wall)) < share, np.inf, wall))) == 0
     post = round_trunk(8.0, 0.0, 0.2)
     assert len(found(post)) == 1
     assert len(found(np.minimum(post, round_trunk(7.0, 0.12, 0.2)))) == 2
+
+
+def test_the_holes_that_chance_makes_are_taken_for_holes() -> None:
+    rng = np.random.default_rng(3)
+    wall = np.where(np.abs(BEARINGS) < 1.3, 6.0 / np.cos(BEARINGS), np.inf)
+    bridges = [
+        holes_in(beams_of(np.where(rng.random(len(wall)) < share, np.inf, wall))).bridge for share in (0, 0.2, 0.5)
+    ]
+    assert bridges[0] == 1
+    assert 3 <= bridges[1] <= 5
+    assert 8 <= bridges[2] <= 12
 
 
 def test_something_nearer_beside_a_trunk_hides_its_edge_and_rejects_it() -> None:
@@ -126,12 +138,13 @@ def test_one_beam_half_beside_the_edge_moves_the_centre_by_less_than_a_beam() ->
 
 def test_a_wall_is_one_run_and_no_trunk() -> None:
     beams = beams_of(4.0 / np.maximum(np.cos(BEARINGS), 1e-3))
-    runs = runs_of_beams(beams)
+    holes = holes_in(beams)
+    runs = runs_of_beams(beams, holes)
     longest = runs[np.argmax(runs[:, 1] - runs[:, 0])]
     seen = np.degrees(BEARINGS[longest])
     assert seen[0] < -65.0
     assert seen[1] > 65.0
-    assert len(trunks(beams, runs, SETTINGS)) == 0
+    assert len(trunks(beams, runs, SETTINGS, holes)) == 0
 
 
 @pytest.mark.parametrize("value", [np.nan, 5.0, 0.0])
