@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from drivers.measurements import Event, SensorHealth, SensorState, Severity
@@ -26,8 +26,20 @@ class RunState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class PlaceInMap:
+    """The map that the pose is in, since when, and the last recognition of a place (None: none yet)."""
+
+    map_id: int
+    since_ns: int
+    recognised_ns: int | None = None
+    recognition: Recognition | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Health:
-    """State with reasons, and what it was concluded from; quality is None before the first tick."""
+    """State with reasons, and what it was concluded from; quality is None before the first tick, place before the
+    first scan.
+    """
 
     stamp_ns: int
     state: RunState
@@ -35,6 +47,7 @@ class Health:
     sensors: Mapping[str, SensorHealth]
     sinks: Mapping[str, SinkHealth]
     quality: Quality | None
+    place: PlaceInMap | None = None
 
 
 SEVERITIES = {RunState.DEGRADED: Severity.WARN, RunState.LOST: Severity.ERROR}
@@ -51,6 +64,7 @@ class HealthMonitor:
         self._reasons: tuple[str, ...] = ()
         self._quality: Quality | None = None
         self._dropped: dict[str, int] = {}
+        self._place: PlaceInMap | None = None
 
     def enter(
         self,
@@ -61,7 +75,7 @@ class HealthMonitor:
     ) -> tuple[Health, tuple[Event, ...]]:
         """STARTING, READY or STOPPING, which follow from nothing that a tick knows; and what is not well meanwhile."""
         reasons = (*_sensor_reasons(sensors), *self._sink_reasons(sinks))
-        health = Health(stamp_ns, state, reasons, sensors, sinks, self._quality)
+        health = Health(stamp_ns, state, reasons, sensors, sinks, self._quality, self._place)
         return health, self._changed(stamp_ns, state, reasons)
 
     def assess(
@@ -83,7 +97,17 @@ class HealthMonitor:
         else:
             state = RunState.RUNNING
         events = (*_recognised(stamp_ns, estimate.recognition), *self._changed(stamp_ns, state, reasons))
-        return Health(stamp_ns, state, reasons, sensors, sinks, quality), events
+        self._follow_place(stamp_ns, estimate)
+        return Health(stamp_ns, state, reasons, sensors, sinks, quality, self._place), events
+
+    def _follow_place(self, stamp_ns: int, estimate: Estimate) -> None:
+        map_id = int(estimate.counts.get("map_id", 0))
+        if map_id and (self._place is None or map_id != self._place.map_id):
+            last = self._place or PlaceInMap(map_id, stamp_ns)
+            self._place = replace(last, map_id=map_id, since_ns=stamp_ns)
+        found = estimate.recognition
+        if self._place is not None and found is not None and not found.is_new:
+            self._place = replace(self._place, recognised_ns=stamp_ns, recognition=found)
 
     def _sink_reasons(self, sinks: Mapping[str, SinkHealth]) -> list[str]:
         """Sinks in trouble, and sinks that have dropped something since the last call."""

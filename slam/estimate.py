@@ -1,5 +1,6 @@
 """What the estimator says after each tick."""
 
+import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
@@ -53,6 +54,13 @@ class Recognition:
     matches: int = 0
     moved_m: float = 0.0
     turned_rad: float = 0.0
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """For the record, as counts of the estimate at this scan."""
+        names = ("map_id", "is_new", "joined", "odds", "mirror_odds", "matches", "moved_m", "turned_rad")
+        figures = {f"recognised_{name}": float(getattr(self, name)) for name in names}
+        return {name: value for name, value in figures.items() if math.isfinite(value)}
 
 
 class KeyframeFit(NamedTuple):

@@ -180,7 +180,10 @@ class Estimator:
             matches=matches,
             beam_verdicts=verdicts,
             landmarks=self._joint.landmarks() if due else None,
-            counts=prediction.counts | self._scan_counts(increment, matches, outcome) | self._quality.figures,
+            counts=prediction.counts
+            | self._scan_counts(increment, matches, outcome)
+            | self._quality.figures
+            | ({} if recognition is None else recognition.figures),
             recognition=recognition,
         )
 

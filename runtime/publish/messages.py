@@ -1,12 +1,13 @@
 """What goes out over zenoh as bytes: the record's ROS messages in wall time, and JSON where a dashboard reads."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from drivers.measurements import Event, Scan, SensorHealth, SensorState
-from runtime.health import Health, RunState
+from runtime.health import Health, PlaceInMap, RunState
 from runtime.messages.definitions import construct, serialize
 from runtime.messages.map_json import json_bytes
 from runtime.messages.ros import header
@@ -56,8 +57,23 @@ def status_object(
         "reasons": [] if health is None else list(health.reasons),
         "rate_hz": round(rate_hz, 3),
         **(NO_TICK if completed is None else _tick_fields(completed)),
+        "map": None if health is None or health.place is None else _place(health.place, health.stamp_ns),
         "sensors": {} if health is None else _sensors(health.sensors),
         "sinks": {} if health is None else _sinks(health.sinks),
+    }
+
+
+def _place(place: PlaceInMap, now_ns: int) -> dict[str, Any]:
+    """Which map, for how long, and how the rover was last recognised in one; None where it was not."""
+    shown: dict[str, Any] = {"id": place.map_id, "for_s": round((now_ns - place.since_ns) * 1e-9, 1)}
+    found, then_ns = place.recognition, place.recognised_ns
+    if found is None or then_ns is None:
+        return shown | dict.fromkeys(("recognised_s_ago", "matches", "odds", "mirror_odds"))
+    return shown | {
+        "recognised_s_ago": round((now_ns - then_ns) * 1e-9, 1),
+        "matches": found.matches,
+        "odds": round(found.odds, 1),
+        "mirror_odds": round(found.mirror_odds, 1) if math.isfinite(found.mirror_odds) else None,
     }
 
 

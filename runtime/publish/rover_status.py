@@ -43,6 +43,15 @@ class _Sink(_Part):
     trouble: str
 
 
+class _Map(_Part):
+    id: Count
+    for_s: Number
+    recognised_s_ago: Number | None
+    matches: Count | None
+    odds: Number | None
+    mirror_odds: Number | None
+
+
 class RoverStatus(_Part):
     """The fields of runtime.publish.messages.status_object, each with its bounds."""
 
@@ -58,6 +67,7 @@ class RoverStatus(_Part):
     pose: _Pose | None
     sigma: _Pose | None
     landmarks: Count | None
+    map: _Map | None = None
     sensors: Annotated[dict[Name, _Sensor], Field(max_length=20)]
     sinks: Annotated[dict[Name, _Sink], Field(max_length=20)]
     listening: Annotated[list[str], Field(max_length=20)] = []

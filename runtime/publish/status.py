@@ -75,7 +75,18 @@ def status_line(status: Mapping[str, Any]) -> str:
             f"+-{math.hypot(sigma['x_m'], sigma['y_m']):.2f} m  landmarks {status['landmarks']}  "
             f"late {status['lateness_ms']:.2f} ms"
         )
+    if status.get("map") is not None:
+        words.append(map_words(status["map"]))
     return "  ".join((*words, *status["reasons"]))
+
+
+def map_words(place: Mapping[str, Any]) -> str:
+    """Which map, for how long, and the last recognition."""
+    words = f"map {place['id']} for {place['for_s']:.0f} s"
+    if place["recognised_s_ago"] is None:
+        return words
+    by = f"by {place['matches']} landmarks, odds {place['odds']:.0f}"
+    return f"{words}, recognised {place['recognised_s_ago']:.0f} s ago {by}"
 
 
 def status_table(statuses: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -84,7 +95,10 @@ def status_table(statuses: Sequence[Mapping[str, Any]]) -> list[str]:
     rows = [head, *(_row(status) for status in statuses)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return lines + [f"{status['rover']}  {line}" for status in statuses for line in sensor_lines(status["sensors"])]
+    maps = [f"{status['rover']}  {map_words(status['map'])}" for status in statuses if status.get("map") is not None]
+    return (
+        lines + maps + [f"{status['rover']}  {line}" for status in statuses for line in sensor_lines(status["sensors"])]
+    )
 
 
 def silence_sentence(connect: Sequence[str] = ENDPOINTS) -> str:

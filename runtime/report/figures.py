@@ -38,6 +38,7 @@ def figures(facts: RunFacts, findings: Sequence[Finding]) -> dict[str, Any]:
         "filter": _filter(facts),
         "landmarks": _landmarks(facts),
         "map_changes": _map_changes(facts),
+        "recognitions": _recognitions(facts),
         "geometry": [asdict(row) for row in geometry_rows(facts)],
         "events": _events(facts),
         "truncated": facts.truncated or None,
@@ -94,6 +95,32 @@ def _landmarks(facts: RunFacts) -> dict[str, Any]:
         "at_end": int(known[-1]) if known.size else 0,
         "confirmed": 0 if facts.landmarks is None else len(facts.landmarks.identities),
     }
+
+
+def _recognitions(facts: RunFacts) -> list[dict[str, Any]]:
+    """Each place that was recognised and each new map, with s since the first tick; odds are natural logarithms."""
+    counts = facts.ticks.counts
+    columns = {name: values for name, values in counts.items() if name.startswith("recognised_")}
+    if "recognised_map_id" not in columns:
+        return []
+    found = []
+    for row in np.flatnonzero(np.isfinite(columns["recognised_map_id"])).tolist():
+        of = {name.removeprefix("recognised_"): float(values[row]) for name, values in columns.items()}
+        mirror = of.get("mirror_odds", np.nan)
+        found.append(
+            {
+                "time_s": round(float(facts.ticks.times_s[row]), 2),
+                "map_id": int(of["map_id"]),
+                "is_new": bool(of["is_new"]),
+                "joined": int(of["joined"]),
+                "matches": int(of["matches"]),
+                "odds": round(of["odds"], 1),
+                "mirror_odds": round(mirror, 1) if np.isfinite(mirror) else None,
+                "moved_m": round(of["moved_m"], 3),
+                "turned_deg": round(float(np.degrees(of["turned_rad"])), 1),
+            }
+        )
+    return found
 
 
 def _map_changes(facts: RunFacts) -> dict[str, Any] | None:

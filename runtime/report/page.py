@@ -54,6 +54,7 @@ def page(facts: RunFacts, findings: Sequence[Finding], figures: dict[str, Any]) 
         accuracy=[
             (label, f"{accuracy[key]:.3f} {unit}") for key, label, unit in ACCURACY if accuracy.get(key) is not None
         ],
+        recognitions=[_recognition_row(each) for each in figures["recognitions"]],
         sensors=[_sensor_row(name, sensor) for name, sensor in figures["sensors"].items()],
         quality=", ".join(f"{word} {share:.1%}" for word, share in quality.items() if share),
         geometry=[_geometry_row(row) for row in figures["geometry"]],
@@ -181,6 +182,17 @@ def _sensors(facts: RunFacts, findings: Sequence[Finding]) -> Drawings:
     }
 
 
+def _recognition_row(found: dict[str, Any]) -> tuple[object, ...]:
+    where = f"new map {found['map_id']}" if found["is_new"] else f"map {found['map_id']}"
+    if found["joined"]:
+        where += f", joined by map {found['joined']}"
+    if found["is_new"]:
+        return (f"{found['time_s']:.1f}", where, "", "", "", "")
+    mirror = "" if found["mirror_odds"] is None else f"{found['mirror_odds']:.0f}"
+    moved = f"{found['moved_m']:.2f} m, {found['turned_deg']:.0f} deg"
+    return (f"{found['time_s']:.1f}", where, found["matches"], f"{found['odds']:.0f}", mirror, moved)
+
+
 def _sensor_row(name: str, sensor: dict[str, Any]) -> tuple[object, ...]:
     rate = f"{sensor['usual_rate_hz']} Hz" if sensor["usual_rate_hz"] else ""
     silent = ", ".join(span_text((start, end)) for start, end in sensor["gaps_s"][:6]) or "never"
@@ -204,12 +216,16 @@ def _filter(facts: RunFacts, findings: Sequence[Finding]) -> Drawings:
         Line("standard deviation", ticks.times_s[sure], ticks.position_sd_m[sure], "a"),
         Line("distance between both estimators", ticks.times_s, ticks.apart_m, "b"),
     ]
-    return {
+    drawings = {
         "Position": Markup(time_plot([line for line in deviation if line.x.size], "distance, m", marked)),
         "Effective particles": Markup(time_plot(counted("effective_particles"), "particles")),
         "Features and matches in a scan": Markup(time_plot(counted("features", "matched"), "number")),
         "Landmarks of the best particle": Markup(time_plot(counted("landmarks"), "number")),
     }
+    if np.nan_to_num(ticks.counts.get("search_landmarks", nothing)).any():
+        searched = counted("search_odds", "search_mirror_odds", "search_landmarks")
+        drawings["Searching the known maps"] = Markup(time_plot(searched, "odds, landmarks"))
+    return drawings
 
 
 def _clock(facts: RunFacts) -> Drawings:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.measurements import SensorHealth, SensorState
-from runtime.health import HealthMonitor, RunState
+from runtime.health import HealthMonitor, PlaceInMap, RunState
 from runtime.tick import SinkHealth
 from slam.estimate import Estimate, Quality, Recognition
 from slam.pose import Pose2
@@ -85,3 +85,20 @@ def test_a_recognised_place_is_an_event_with_its_figures() -> None:
     (event,) = monitor.assess(3, {"laser": FRESH}, QUIET, replace(WELL, recognition=Recognition(3, is_new=True)))[1]
     assert event.kind == "new map"
     assert "map 3" in event.reason
+
+
+def test_health_says_which_map_since_when_and_the_last_recognition() -> None:
+    monitor = HealthMonitor()
+
+    def assessed(stamp_ns: int, map_id: int, found: Recognition | None = None) -> PlaceInMap | None:
+        counts = {"map_id": float(map_id)} if map_id else {}
+        estimate = replace(WELL, counts=counts, recognition=found)
+        return monitor.assess(stamp_ns, {"laser": FRESH}, QUIET, estimate)[0].place
+
+    assert assessed(1, 0) is None
+    assert assessed(2, 1) == PlaceInMap(1, 2)
+    assert assessed(3, 0) == PlaceInMap(1, 2)  # a tick without a scan
+    assert assessed(4, 2, Recognition(2, is_new=True)) == PlaceInMap(2, 4)
+    found = Recognition(1, joined=2, odds=16.4, matches=9)
+    assert assessed(5, 1, found) == PlaceInMap(1, 5, 5, found)
+    assert assessed(6, 1) == PlaceInMap(1, 5, 5, found)

@@ -1,17 +1,20 @@
 """Whoever asks over the wire learns how each rover is."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from drivers.measurements import SensorHealth, SensorState
-from runtime.health import Health, RunState
+from runtime.health import Health, PlaceInMap, RunState
+from runtime.messages.map_json import json_bytes
 from runtime.publish.messages import status_object
+from runtime.publish.rover_status import believed
 from runtime.publish.status import fetch_status, silence_sentence, status_line, status_table, watch_status
 from runtime.tick import CompletedTick
-from slam.estimate import Quality
+from slam.estimate import Quality, Recognition
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
 from tests.support.zenoh.wire import free_port, opened, publishing, put_ticks, settings_on, until
 
@@ -100,3 +103,15 @@ def test_a_table_has_a_row_per_rover_and_even_columns() -> None:
     lines = status_table([made_status("r1"), made_status("a-long-name")])
     assert len({line.index("degraded") for line in lines[1:3]} | {lines[0].index("state")}) == 1
     assert lines[3:] == ["r1  laser     stale at 0.00 Hz", "a-long-name  laser     stale at 0.00 Hz"]
+
+
+def test_a_status_names_the_map_and_the_last_recognition() -> None:
+    found = Recognition(1, odds=16.4, mirror_odds=float("-inf"), matches=9)
+    health = replace(STALE, stamp_ns=13_000_000_000, place=PlaceInMap(1, 3_000_000_000, 9_000_000_000, found))
+    payload = json_bytes(status_object("rover1", 7, None, 10.0, health))
+    status = believed("infant/rover1/status", payload)
+    words = "map 1 for 10 s, recognised 4 s ago by 9 landmarks, odds 16"
+    assert status_line(status).endswith(f"rover1  degraded  {words}  laser stale: no scan for 1.2 s")
+    assert any(words in line for line in status_table([status]))
+    unknown = replace(health, place=PlaceInMap(2, 3_000_000_000))
+    assert "map 2 for 10 s  laser" in status_line(status_object("rover1", 7, None, 10.0, unknown))

@@ -1,10 +1,13 @@
 import html
 import json
+import math
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -12,6 +15,10 @@ from runtime.cli.__main__ import app
 from runtime.errors import NotARunError
 from runtime.report.build import build_report, is_as_grave
 from runtime.report.compare import build_comparison
+from runtime.report.figures import figures
+from runtime.report.gather import gather
+from runtime.report.page import page
+from slam.estimate import Recognition
 from tests.support.runtime.seeded_runs import FAULTS, seeded_facts
 
 CHROMIUM = shutil.which("chromium")
@@ -50,6 +57,25 @@ def test_the_page_asks_nothing_of_the_network(run: Path) -> None:
     build_report(run)
     page = (run / "report.html").read_text()
     assert not re.search(r"(src|href)\s*=|url\(|@import|<script", page)
+
+
+def test_recognitions_are_in_the_figures_and_on_the_page(run: Path) -> None:
+    facts = gather(run)
+    assert figures(facts, [])["recognitions"] == []
+    found = Recognition(1, joined=2, odds=16.4, mirror_odds=-math.inf, matches=9, moved_m=35.8, turned_rad=-0.5)
+    counts = dict(facts.ticks.counts)
+    for row, recognition in ((40, Recognition(2, is_new=True)), (90, found)):
+        for name, value in recognition.figures.items():
+            counts.setdefault(name, np.full(facts.ticks.times_s.size, np.nan))[row] = value
+    facts = replace(facts, ticks=replace(facts.ticks, counts=counts))
+    made = figures(facts, [])
+    new, recognised = made["recognitions"]
+    assert (new["is_new"], new["map_id"]) == (True, 2)
+    assert recognised["time_s"] == pytest.approx(facts.ticks.times_s[90], abs=0.01)
+    assert (recognised["matches"], recognised["joined"], recognised["mirror_odds"]) == (9, 2, None)
+    text = page(facts, [], made)
+    for part in ("Recognitions", "map 1, joined by map 2", "35.80 m, -29 deg", "new map 2"):
+        assert part in text
 
 
 def test_fail_on_compares_severities() -> None:
