@@ -37,7 +37,8 @@ from slam.pose import Pose2
 from slam.settings.slam import MountSettings
 
 TRACE_EVERY = 10  # ticks between the scans that stay and add up to a map
-BATCH_TICKS, LIVE_TICKS = 10, 2  # ticks per write: 1 s, which a power cut loses; 0.2 s for who looks on
+BATCH_TICKS = 10  # ticks per write: 1 s, which a power cut loses ...
+LIVE_TICKS = 2  # ... 0.2 s for who looks on
 LASER_PATHS = {
     BeamVerdict.KEPT: "map/laser/kept",
     BeamVerdict.MOVED: "map/laser/rejected",

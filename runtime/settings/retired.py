@@ -214,7 +214,7 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
     "runtime/publish/topics.py": {
         "publish.status_hz": (1.0, "STATUS_HZ"),
         "publish.scan_beam_step": (3, "SCAN_BEAM_STEP"),
-        "publish.landmarks_hz": (1.0, "LANDMARKS_HZ"),
+        "publish.landmarks_hz": (1.0, "SLOW_HZ"),
     },
     "runtime/live/drawing_process.py": {
         "review.queue": (4000, "QUEUE"),
