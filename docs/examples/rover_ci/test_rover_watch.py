@@ -32,7 +32,7 @@ def test_the_wheels_send_counts_on_the_bus(simulated_wheels: SimulatedWheels) ->
 
 
 def test_a_rover_that_drives_leaves_the_origin(simulated_rover: SimulatedRover) -> None:
-    simulated_rover.drive()
     assert simulated_rover.true_pose(time.monotonic_ns()).x_m == 0.0
+    simulated_rover.drive()
     later_ns = time.monotonic_ns() + 10_000_000_000
     assert simulated_rover.true_pose(later_ns).x_m > 1.0
