@@ -39,6 +39,7 @@ def run(
     from runtime.live.run import Host, run_live
     from runtime.live.summary import silence, summary_lines
     from runtime.map_files.start import choose_start
+    from runtime.publish.status import named
     from runtime.record.folder import RunFolder
     from runtime.service.systemd import ServiceManager
     from runtime.settings.configuration import load_configuration
@@ -54,6 +55,7 @@ def run(
             configuration = load_configuration(config, {**overrides, "simulation.world.seed": str(seed)})
         duration = SIMULATED_DURATION_S if duration is None else duration
     validate_for_live_run(configuration, str(config))
+    configuration = named(configuration)
     start = choose_start(map_, localise_only, start_at, configuration)
     for note in () if start is None else start.notes:
         typer.echo(f"infant: {note}", err=True)

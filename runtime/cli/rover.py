@@ -93,7 +93,7 @@ class CommandWord(StrEnum):
 def command(
     asked: Annotated[CommandWord, typer.Argument(help="mark this moment, save what is recorded, or stop recording")],
     reason: Annotated[str, typer.Argument(help="what was seen; a mark needs one")] = "",
-    rover: Annotated[str, typer.Option("--rover", help="its name in the configuration")] = "infant",
+    rover: Rover = None,
     connect: Annotated[str, typer.Option("--connect", help="endpoint of the rover or router")] = "tcp/127.0.0.1:7447",
     zenoh_file: Annotated[
         Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate, for example for a fleet")
@@ -104,8 +104,11 @@ def command(
     from runtime.commands import Command
     from runtime.errors import UsageError
     from runtime.publish.commands import send_command
+    from runtime.publish.find_rover import find_rover
 
-    answer = send_command(connect, rover, Command(asked.value), reason, None if zenoh_file is None else str(zenoh_file))
+    file = None if zenoh_file is None else str(zenoh_file)
+    rover = rover or find_rover(connect, None, file).name
+    answer = send_command(connect, rover, Command(asked.value), reason, file)
     if as_json:
         said = {"rover": rover, "command": asked.value, "accepted": answer.accepted, "reason": answer.reason}
         say_json(said)

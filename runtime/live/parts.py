@@ -128,6 +128,7 @@ def _made_parts(
         configuration.rover,
         configuration_text=configuration.text,
         vehicle=Vehicle.of(configuration),
+        simulated=configuration.simulation is not None,
     )
     made.callback(publisher.close)
     sinks: dict[str, Sink] = {"record": recorder, "publish": publisher}

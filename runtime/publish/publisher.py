@@ -13,6 +13,7 @@ from runtime.health import Health
 from runtime.publish.commands import declare_commands
 from runtime.publish.messages import warm_up
 from runtime.publish.session import open_rover_session, rover_config, short_reason
+from runtime.publish.status import namesake_trouble
 from runtime.publish.topics import RoverTopics
 from runtime.ros2.vehicle import Vehicle
 from runtime.service.thread_watch import Failures
@@ -30,7 +31,7 @@ class ZenohPublisher:
 
     wall_offset_ns: wall time minus monotonic time; taken now when None. Messages carry stamp + offset.
     configuration_text: what the query infant/<rover>/configuration answers. vehicle: for scan, odometry and TF.
-    listening: where tools reach the session; None until it is open.
+    simulated: a rover that no other can be taken for. listening: where tools reach the session; None until it is open.
     Raises ConfigurationError when the settings name a file that cannot be used.
     """
 
@@ -41,12 +42,15 @@ class ZenohPublisher:
         wall_offset_ns: int | None = None,
         configuration_text: str = "",
         vehicle: Vehicle | None = None,
+        simulated: bool = False,
     ) -> None:
         self._settings = settings
         self._rover = rover
         self._wall_offset_ns = time.time_ns() - time.monotonic_ns() if wall_offset_ns is None else wall_offset_ns
         self._configuration_text = configuration_text
         self._vehicle = vehicle or Vehicle()
+        self._simulated = simulated
+        self._namesake = ""
         # a SimpleQueue is C: no lock that a preempted thread could hold while the loop waits for it
         self._queue: queue.SimpleQueue[CompletedTick | Health | None] = queue.SimpleQueue()
         self._dropped = 0
@@ -90,7 +94,7 @@ class ZenohPublisher:
 
     def health(self) -> SinkHealth:
         """Ticks waiting and lost, and why there is no session if there is none."""
-        troubles = filter(None, (self._failures.trouble, self._trouble))
+        troubles = filter(None, (self._failures.trouble, self._trouble, self._namesake))
         return SinkHealth(self._queue.qsize(), self._dropped, "; ".join(troubles))
 
     def close(self) -> None:
@@ -109,6 +113,9 @@ class ZenohPublisher:
 
     def _run(self) -> None:
         """Own the session from opening to closing; one that cannot be opened is tried again every 5 s."""
+        if not self._simulated:  # desks may have many of one name
+            endpoints = (*self._settings.connect, *self._settings.listen)
+            self._namesake = namesake_trouble(self._rover, endpoints, self._settings.config_file)
         while True:
             try:
                 session, listening = open_rover_session(self._settings, self._rover)

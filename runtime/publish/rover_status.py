@@ -71,6 +71,8 @@ class RoverStatus(_Part):
     sensors: Annotated[dict[Name, _Sensor], Field(max_length=20)]
     sinks: Annotated[dict[Name, _Sink], Field(max_length=20)]
     listening: Annotated[list[str], Field(max_length=20)] = []
+    host: Name = ""
+    instance: Name = ""
 
 
 def believed(key: str, payload: bytes) -> dict[str, Any]:

@@ -1,6 +1,8 @@
 """How running rovers are, asked over zenoh by someone who is not on board."""
 
 import math
+import re
+import socket
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import islice
@@ -11,6 +13,7 @@ import zenoh
 from runtime.publish.rover_status import believed
 from runtime.publish.session import tool_config
 from runtime.sensor_report import sensor_lines
+from runtime.settings.configuration import Configuration
 
 Status = dict[str, Any]
 
@@ -18,8 +21,10 @@ ENDPOINTS = tuple(f"tcp/127.0.0.1:{port}" for port in range(7447, 7453))
 """zenoh's own port, where a router would be, and the first five on which rovers of this machine listen."""
 
 ASK_S = 1.0
+LONGEST_HOST, LONGEST_NAME = 64, 32
 MOST_ANSWERS = 1000  # at one endpoint
 STATUS_KEY = "infant/*/status"
+EVERY_ANSWER = zenoh.ConsolidationMode.NONE  # else one of two rovers of the same name would be left out
 
 
 def fetch_status(
@@ -30,17 +35,19 @@ def fetch_status(
 ) -> list[Status]:
     """Status of every rover that answers in time at any of the endpoints, by name; none if nobody does.
 
+    Two rovers of one name are both in it.
+
     config_file: a zenoh configuration with the certificates for a fleet's router. refused: told a sentence on each
     answer that is no rover's. Raises ConfigurationError when that file cannot be used.
     """
-    found: dict[str, Status] = {}
+    found: dict[tuple[str, str], Status] = {}
     for endpoint in connect:
         try:
             session = zenoh.open(tool_config(endpoint, config_file))
         except zenoh.ZError:
             continue  # nobody listens there, which is how most of these endpoints are
         with session:
-            for reply in islice(session.get(STATUS_KEY, timeout=timeout_s), MOST_ANSWERS):
+            for reply in islice(session.get(STATUS_KEY, timeout=timeout_s, consolidation=EVERY_ANSWER), MOST_ANSWERS):
                 if reply.ok is None:
                     continue
                 try:
@@ -48,8 +55,8 @@ def fetch_status(
                 except ValueError as error:
                     refused(str(error))
                 else:
-                    found.setdefault(status["rover"], status)
-    return [found[rover] for rover in sorted(found)]
+                    found.setdefault((status["rover"], status["instance"]), status)
+    return [found[key] for key in sorted(found)]
 
 
 def watch_status(
@@ -91,7 +98,21 @@ def map_words(place: Mapping[str, Any]) -> str:
 
 def status_table(statuses: Sequence[Mapping[str, Any]]) -> list[str]:
     """Several rovers as lines with a head, the columns as wide as what is in them; then their sensors, a line each."""
-    head = ("rover", "state", "tick", "Hz", "x m", "y m", "deg", "+- m", "landmarks", "late ms", "sensors", "reasons")
+    head = (
+        "rover",
+        "host",
+        "state",
+        "tick",
+        "Hz",
+        "x m",
+        "y m",
+        "deg",
+        "+- m",
+        "landmarks",
+        "late ms",
+        "sensors",
+        "reasons",
+    )
     rows = [head, *(_row(status) for status in statuses)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
@@ -110,6 +131,7 @@ def silence_sentence(connect: Sequence[str] = ENDPOINTS) -> str:
 def _row(status: Mapping[str, Any]) -> tuple[str, ...]:
     return (
         status["rover"],
+        status.get("host") or "-",
         status["state"] or status["quality"],
         *_tick_cells(status),
         " ".join(f"{name}:{sensor['state']}" for name, sensor in status["sensors"].items()),
@@ -132,3 +154,28 @@ def _tick_cells(status: Mapping[str, Any]) -> tuple[str, ...]:
         str(status["landmarks"]),
         f"{status['lateness_ms']:.2f}",
     )
+
+
+def host_name() -> str:
+    """Of this machine, as its status tells it."""
+    return socket.gethostname()[:LONGEST_HOST]
+
+
+def named(configuration: Configuration) -> Configuration:
+    """With the name of this machine where the file gives the rover none; two rovers do not share a default."""
+    if "rover" in configuration.model_fields_set:
+        return configuration
+    name = re.sub(r"[^A-Za-z0-9_-]", "-", host_name().split(".")[0])[:LONGEST_NAME]
+    return configuration.model_copy(update={"rover": name}) if name else configuration
+
+
+def namesake_trouble(rover: str, endpoints: Sequence[str], config_file: str | None) -> str:
+    """Who else answers to this name at these endpoints, in one sentence, "" where nobody does.
+
+    Asked before the rover itself answers; it waits as long as a tool would.
+    """
+    others = [status for status in fetch_status(endpoints, ASK_S, config_file) if status["rover"] == rover]
+    if not others:
+        return ""
+    hosts = ", ".join(sorted({status["host"] or "a host that does not tell its name" for status in others}))
+    return f"another rover is called {rover}, on {hosts}: what both say is mixed; give each its own name, rover = ..."

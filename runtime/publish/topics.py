@@ -11,6 +11,7 @@ from runtime.health import Health
 from runtime.messages.map_json import json_bytes, landmark_json
 from runtime.publish import messages, ros2_keys
 from runtime.publish.pace import Allowance, Pace
+from runtime.publish.status import host_name
 from runtime.ros2.laser_scan import SCAN, first_ray_ns, scan_bytes
 from runtime.ros2.markers import MARKERS, landmark_bytes
 from runtime.ros2.odometry import ODOMETRY, OdometryTrack, odometry_bytes
@@ -181,7 +182,8 @@ class RoverTopics:
         span_ns = self._stamps_ns[-1] - self._stamps_ns[0] if self._stamps_ns else 0
         rate_hz = (len(self._stamps_ns) - 1) * 1e9 / span_ns if span_ns > 0 else 0.0
         status = messages.status_object(self._rover, wall_ns, self._latest, rate_hz, health)
-        self._status = json_bytes({**status, "listening": list(self._listening)})
+        where = {"listening": list(self._listening), "host": host_name(), "instance": str(self._session.zid())}
+        self._status = json_bytes({**status, **where})
         self._status_topic.send(self._status, wall_ns)
         if health is not None:
             diagnostics = messages.health_bytes(health, wall_ns)

@@ -50,7 +50,8 @@ class Configuration(BaseModel):
     rover: str = Field(
         "infant",
         pattern=r"^[A-Za-z0-9_-]{1,32}$",
-        description="name in every key that is published. Give each rover of a fleet its own",
+        description="name in every key that is published; a live rover without one has its computer's. "
+        "Give each rover of a fleet its own",
     )
     seed: int = Field(
         1, ge=0, le=2**32 - 1, description="seeds the filter. Any number; change it to see what of a result is chance"

@@ -63,5 +63,5 @@ def test_status_prints_a_row_for_each_rover(rover: tuple[ZenohPublisher, str]) -
         return len(printed) == 2
 
     assert until(answered), printed
-    assert printed[0].split()[:2] == ["rover", "state"]
+    assert printed[0].split()[:3] == ["rover", "host", "state"]
     assert printed[1].split()[0] == "r1"

@@ -65,7 +65,7 @@ def test_a_good_answer_is_shown_and_its_texts_move_no_cursor() -> None:
     shown = [*status_table([status]), status_line(status)]
     assert all(line.isprintable() for line in shown)
     assert "\\x1b[2J\\nFAKE" in shown[1]
-    assert believed(KEY, said()) == {**GOOD, "listening": []}
+    assert believed(KEY, said()) == {**GOOD, "listening": [], "host": "", "instance": ""}
 
 
 def test_a_rover_with_a_long_trouble_is_shown_and_the_trouble_cut() -> None:

@@ -66,7 +66,7 @@ def test_a_unit_that_differs_is_shown_line_by_line_and_replaced(tmp_path: Path) 
 def test_an_edited_configuration_is_kept_and_told_so(tmp_path: Path) -> None:
     installed(tmp_path)
     mine = tmp_path / CONFIGURATION
-    mine.write_text(mine.read_text().replace('rover = "infant"', 'rover = "field-2"'))
+    mine.write_text('rover = "field-2"\n' + mine.read_text())
     plan = install.plan_install(tmp_path, SHIPPED_PROGRAM)
     assert states(plan)["rover.toml"] is FileState.KEPT
     assert any("never overwritten" in note for note in plan.notes)
