@@ -67,7 +67,8 @@ def run(
         say_json(summary)
     else:
         say(*summary_lines(summary))
-    if summary["ticks"] and (sentence := silence(summary, str(config))):
+    as_service = bool(os.environ.get("NOTIFY_SOCKET"))  # systemd would call a service that was stopped a failed one
+    if summary["ticks"] and not as_service and (sentence := silence(summary, str(config))):
         raise SensorError(sentence)
 
 
