@@ -8,7 +8,7 @@ from typer.core import TyperGroup
 GROUPS = {
     "Prepare a rover": ("setup", "config", "check", "calibrate", "warmup", "install"),
     "Drive": ("run", "sim", "status", "mark", "command", "bridge", "page"),
-    "Look at a run": ("review", "view", "replay", "evaluate", "compare", "import", "export", "log", "map"),
+    "Look at a run": ("review", "view", "replay", "evaluate", "compare", "import", "smooth", "export", "log", "map"),
     "Study the method": ("paper", "sweep", "quality", "rate", "soak", "bench"),
 }
 """Every command in the group of its task; the order is that of the help."""
@@ -32,11 +32,12 @@ EXAMPLES = {
     "mark": ('infant mark "scraped the kerb"',),
     "command": ('infant command mark "scraped the kerb" --rover infant',),
     "review": ("infant review runs/yard", "infant review runs/yard --fail-on warn --json"),
-    "view": ("infant view runs/yard", "infant view runs/yard --screenshot yard.png"),
+    "view": ("infant view runs/yard", "infant view --live 192.168.1.20"),
     "replay": ("infant replay runs/yard --verify", "infant replay runs/yard --set slam.particles=200 --out runs/more"),
     "evaluate": ("infant evaluate runs/yard --truth truth.tum",),
     "compare": ("infant compare runs/yard runs/more",),
     "import": ("infant import intel.log --out runs/intel",),
+    "smooth": ("infant smooth runs/yard",),
     "export": ("infant export runs/yard --ros2 yard_bag --tum yard.tum",),
     "paper": ("infant paper fig5 --seeds 5 --out paper",),
     "sweep": ("infant sweep runs/yard --set slam.particles=30,100 --out sweep",),
