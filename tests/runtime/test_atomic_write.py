@@ -134,8 +134,9 @@ def of_nobody(folder: Path) -> Path:
     if os.geteuid() != 0:
         pytest.skip("only root can make a folder of another user")
     folder.parent.chmod(0o755)
-    for above in folder.parents[:3]:
-        above.chmod(above.stat().st_mode | 0o011)
+    for above in folder.parents:
+        if above.stat().st_mode & 0o011 != 0o011:
+            above.chmod(above.stat().st_mode | 0o011)
     os.chown(folder, NOBODY, NOBODY)
     return folder
 

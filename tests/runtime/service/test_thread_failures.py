@@ -47,23 +47,33 @@ def test_a_failure_is_counted_named_and_forgotten() -> None:
     assert failures.trouble == ""
 
 
-def holds(thread: str, works: Callable[[], bool], trouble: Callable[[], str]) -> None:
+def holds(throw: Callable[[], None], works: Callable[[], bool], trouble: Callable[[], str]) -> None:
     """The thread is hit several times, works again each time, and says what it was."""
     for count in range(1, TIMES + 1):
-        throw_into(thread)
+        throw()
         assert until(lambda: works() and f"({count} so far): Thrown()" in trouble()), trouble()  # noqa: B023
 
 
-def test_the_recorder_goes_on(tmp_path: Path) -> None:
+def test_the_recorder_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hit before it asks the disk: between two lines of the library the file itself would be spoilt."""
     recorder = start(tmp_path / "run")
     seqs = iter(range(100_000))
+    hit, visit_disk = threading.Event(), recorder._storage.visit_disk
+
+    def visit(now_ns: int) -> None:
+        if hit.is_set():
+            hit.clear()
+            raise Thrown
+        visit_disk(now_ns)
+
+    monkeypatch.setattr(recorder._storage, "visit_disk", visit)
 
     def works() -> bool:
         seq = next(seqs)
         put(recorder, range(seq, seq + 1))
         return until(lambda: recorder.health().depth == 0)
 
-    holds("recorder", works, lambda: recorder.health().trouble)
+    holds(hit.set, works, lambda: recorder.health().trouble)
     put(recorder, range(100_000, 100_003))
     recorder.close()
     wait_until(lambda: not any(each.name == "recorder" for each in threading.enumerate()))
@@ -86,4 +96,4 @@ def test_the_publisher_goes_on() -> None:
                 return False
 
         assert until(works)
-        holds("publish", works, lambda: publisher.health().trouble)
+        holds(lambda: throw_into("publish"), works, lambda: publisher.health().trouble)
