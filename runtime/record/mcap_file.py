@@ -67,6 +67,7 @@ class RecordFile:
         self._pending = PendingBytes()
         self._offset = 0
         self._chunk_bytes = 0
+        self._is_inside = False  # the library; stays so when something is raised there
         self._channels: dict[str, int] = {}
         self._writer = Writer(
             self._pending,  # type: ignore[arg-type]  # all that the library asks of it is write, tell, flush
@@ -100,6 +101,11 @@ class RecordFile:
         return (there.st_dev, there.st_ino) != (mine.st_dev, mine.st_ino)
 
     @property
+    def is_torn(self) -> bool:
+        """Whether something was raised while a record or a chunk was being made: what follows could not be read."""
+        return self._is_inside
+
+    @property
     def pending_bytes(self) -> int:
         """Bytes that the disk has not taken yet."""
         return self._pending.size
@@ -111,6 +117,7 @@ class RecordFile:
 
     def add(self, record: Record, foreign: Channel | None = None) -> None:
         """Into the chunk at hand. foreign: of a topic that is none of ours, as the file has it that it comes from."""
+        self._is_inside = True
         channel = self._channels.get(record.topic)
         if channel is None:
             if foreign is None:
@@ -124,13 +131,16 @@ class RecordFile:
         log_ns = max(0, record.stamp_ns)  # MCAP knows no time before zero; the message itself has the stamp
         self._writer.add_message(channel, log_ns, record.data, log_ns)
         self._chunk_bytes += len(record.data)
+        self._is_inside = False
 
     def end_chunk(self) -> None:
         """All records so far become a chunk: from now on they can be read, once written."""
         if self._chunk_bytes:
+            self._is_inside = True
             self._writer.flush()  # type: ignore[no-untyped-call]
             self._writer.add_metadata(CHECKPOINT, checkpoint(self._pending.crc))
             self._chunk_bytes = 0
+            self._is_inside = False
 
     def write(self) -> None:
         """Give the disk what it has not taken. Raises OSError; call again to go on where it stopped."""
@@ -154,7 +164,9 @@ class RecordFile:
     def finish(self) -> None:
         """Indexes and footer; then no more records."""
         self.end_chunk()
+        self._is_inside = True
         self._writer.finish()  # type: ignore[no-untyped-call]
+        self._is_inside = False
 
     def protect(self) -> None:
         """Nobody shall write to it by mistake. Raises OSError."""

@@ -76,7 +76,7 @@ class Segments:
 
     def end_chunk(self) -> None:
         """All records so far become a chunk."""
-        if self._file is not None and not self._finished:
+        if self._file is not None and not self._finished and not self._file.is_torn:
             self._file.end_chunk()
 
     def write(self) -> None:
@@ -90,6 +90,8 @@ class Segments:
                 self._reported_gone = True
                 raise FileNotFoundError(2, "it was removed while being written")
             file = self._replace(file)
+        elif file.is_torn and not self._finished:
+            file = self._set_aside(file)
         self._reported_gone = False
         file.write()
         if not self._finished:
@@ -170,8 +172,17 @@ class Segments:
             gone.close()
         return self._begin(file, number)
 
+    def _set_aside(self, torn: RecordFile) -> RecordFile:
+        """Go on without a file in which something was raised: it ends with what the disk has, another has the rest."""
+        self._held, self._unwritten = [*self._unwritten, *self._held], []
+        file = self._begin(*self._create())
+        with contextlib.suppress(OSError):
+            torn.close()
+        return file
+
     def _put(self, file: RecordFile, record: Record) -> None:
-        file.add(record)
+        if not file.is_torn:
+            file.add(record)
         self._unwritten.append(record)
         self._ticks += record.topic == "/tick"
         self._raw += record.topic.startswith("/raw")

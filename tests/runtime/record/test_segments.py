@@ -167,6 +167,26 @@ def test_a_file_taken_away_costs_what_was_in_it_and_nothing_that_comes_after(tmp
     assert "removed" in reader.gaps[0].reason
 
 
+@pytest.mark.parametrize("line", ["zstandard.compress", "Chunk", "zlib.crc32"])
+def test_a_file_in_which_something_was_raised_is_set_aside_and_nothing_is_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str
+) -> None:
+    drive = Drive(tmp_path / "run")
+    for ticks in (2, 12):  # the first chunk, which holds the channels, and a later one
+        drive.run(ticks)
+        with monkeypatch.context() as raising:
+            raising.setattr(f"mcap.writer.{line}", out_of_memory)
+            with pytest.raises(MemoryError):
+                drive.run(3)
+    drive.run(20)
+    reader = RunReader(drive.end().path)
+    assert seqs(reader) == list(range(drive.seq))
+
+
+def out_of_memory(*_: object, **__: object) -> None:
+    raise MemoryError
+
+
 def test_a_file_that_is_back_in_time_costs_nothing(tmp_path: Path) -> None:
     drive = Drive(tmp_path / "run")
     drive.run(15)
