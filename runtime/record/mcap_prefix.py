@@ -159,6 +159,7 @@ class McapPrefix:
 
     def _cut_off(self, what: str) -> DamageError:
         self.cut_off = True
+        self.size = max(self.size, self.offset)  # a file that is being written has grown meanwhile
         return DamageError(self.offset, what)
 
     def _foreign(self, what: str) -> DamageError:

@@ -12,6 +12,7 @@ from runtime.messages.tick import Record
 from runtime.record.folder import RunFolder
 from runtime.record.header import RunHeader
 from runtime.record.manifest import Manifest
+from runtime.record.mcap_prefix import McapPrefix
 from runtime.record.reader import RecordedTick, RunReader
 from runtime.record.room import make_room
 from runtime.record.segments import Segments
@@ -83,6 +84,16 @@ def test_segments_read_as_one_run(tmp_path: Path) -> None:
     assert seqs(reader) == list(range(40))
     assert reader.truncated == ""
     assert reader.read_fraction == 1.0
+
+
+def test_a_run_that_grows_while_it_is_read_is_no_longer_than_it_is(tmp_path: Path) -> None:
+    drive = Drive(tmp_path / "run")
+    drive.run(3)
+    prefix = McapPrefix(drive.folder.mcap_path)
+    drive.run(6)
+    assert sum(topic == "/tick" for topic, _, _ in prefix.messages()) == 9
+    assert prefix.cut_off
+    assert prefix.size == prefix.offset == drive.folder.mcap_path.stat().st_size
 
 
 def test_each_segment_is_a_run_by_itself(tmp_path: Path) -> None:
