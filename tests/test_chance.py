@@ -1,9 +1,13 @@
 """No test fails by chance: whatever a test draws is the same each time it runs."""
 
 import ast
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 TESTS = Path(__file__).parent
@@ -28,6 +32,19 @@ def test_every_generator_of_random_numbers_is_seeded() -> None:
         if name in DRAWS_FROM_THE_SYSTEM or (name in MAKES_A_GENERATOR and not call.args and not call.keywords)
     ]
     assert not unseeded
+
+
+def test_the_names_of_tests_are_the_same_at_another_time_and_in_another_process(request: pytest.FixtureRequest) -> None:
+    """Processes that share the tests compare the names; one that holds a time or a set's order ends the whole run."""
+    listed = subprocess.run(
+        [sys.executable, "-m", "pytest", "-p", "tests.support.another_day", "--collect-only", "-q", "-m", ""],
+        cwd=TESTS.parent,
+        env={**os.environ, "PYTHONHASHSEED": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    assert not {item.nodeid for item in request.session.items} - set(listed.splitlines())
 
 
 def test_no_property_test_has_settings_beside_the_profile_but_its_number_of_examples() -> None:

@@ -54,7 +54,7 @@ def test_a_carmen_log_is_imported(tmp_path: Path) -> None:
 
 def test_a_compressed_log_with_a_constant_mount_has_no_truth(tmp_path: Path) -> None:
     lines = [carmen_line(t, [1.0] * 5, (t + 0.2, 0, 0), (t, 0, 0)) for t in (1.0, 2.0, 3.0)]
-    (tmp_path / "a.log.gz").write_bytes(gzip.compress("".join(lines).encode()))
+    (tmp_path / "a.log.gz").write_bytes(gzip.compress("".join(lines).encode(), mtime=0))
     archive = load_carmen(tmp_path / "a.log.gz")
     assert truth_of(archive) is None
     assert len(wheel_samples(archive)) == 3  # the scans' own odometry, as the log has no other
@@ -181,7 +181,7 @@ def test_a_torn_last_line_loses_only_that_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
 def test_a_part_of_a_compressed_log_is_read_to_its_last_whole_line(tmp_path: Path, share: float) -> None:
-    packed = gzip.compress("\n".join(room_log(60)).encode())
+    packed = gzip.compress("\n".join(room_log(60)).encode(), mtime=0)
     (tmp_path / "a.log.gz").write_bytes(packed[: round(share * len(packed))])
     result = import_data_set(tmp_path / "a.log.gz", tmp_path / "run")
     assert share * 60 - 6 < result["scans"] < 60
