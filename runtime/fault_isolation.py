@@ -4,15 +4,19 @@ import traceback
 from typing import Protocol
 
 from drivers.measurements import Event, ScanLike, Severity, WheelSample
+from runtime.commands import told_pose
 from runtime.tick import CompletedTick, Sink, Tick
 from slam.estimate import Estimate
+from slam.recognise.prior import PosePrior
 
 
 class Stepping(Protocol):
     """What loop and replay need of the Estimator."""
 
-    def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
-        """The estimate at stamp_ns."""
+    def step(
+        self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...], told: PosePrior | None = None
+    ) -> Estimate:
+        """The estimate at stamp_ns. told: where a command says that the rover is."""
 
     def state_hash(self) -> bytes:
         """16 bytes over the state."""
@@ -25,7 +29,7 @@ def step_or_predict(estimator: Stepping, tick: Tick) -> tuple[Estimate, tuple[Ev
     this tick, so that the defect can be repeated. Raises only if predicting fails as well.
     """
     try:
-        return estimator.step(tick.stamp_ns, tick.scan, tick.wheels), ()
+        return estimator.step(tick.stamp_ns, tick.scan, tick.wheels, told_pose(tick.events)), ()
     except Exception as error:  # noqa: BLE001 - whatever it is, the rover needs its next pose
         where = traceback.extract_tb(error.__traceback__)[-1]
         defect = Event(

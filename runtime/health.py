@@ -96,7 +96,8 @@ class HealthMonitor:
             state = RunState.DEGRADED
         else:
             state = RunState.RUNNING
-        events = (*_recognised(stamp_ns, estimate.recognition), *self._changed(stamp_ns, state, reasons))
+        placed = (*_recognised(stamp_ns, estimate.recognition), *_refused(stamp_ns, estimate.refusal))
+        events = (*placed, *self._changed(stamp_ns, state, reasons))
         self._follow_place(stamp_ns, estimate)
         return Health(stamp_ns, state, reasons, sensors, sinks, quality, self._place), events
 
@@ -154,3 +155,8 @@ def _recognised(stamp_ns: int, found: Recognition | None) -> tuple[Event, ...]:
         f"{found.moved_m:.1f} m and {math.degrees(found.turned_rad):.0f} deg"
     )
     return (Event(stamp_ns, "pose", "recognised", text),)
+
+
+def _refused(stamp_ns: int, refusal: str) -> tuple[Event, ...]:
+    """The event of a pose that somebody gave and nothing agrees with."""
+    return (Event(stamp_ns, "pose", "refused", refusal, Severity.WARN),) if refusal else ()

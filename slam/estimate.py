@@ -88,6 +88,7 @@ class Estimate:
     particle_mean, particle_covariance: the particles' own, kept beside it; their gap is a health signal.
     quality, doubt: whether the pose can be believed, and why not; the words before the colon name the reason. While it
         is lost the covariance is grown, because the filter's own knows nothing of what happened.
+    refusal: why a pose that somebody gave is not believed, at the scan at which that was found; "" else.
     recognition: at the scan at which the rover recognised where it is, or began a new map.
     odom_from_body: dead reckoning alone since the start.
     particles (M, 3) poses and particle_weights (M,): None on a tick without a scan.
@@ -115,3 +116,4 @@ class Estimate:
     counts: dict[str, float] = field(default_factory=dict)
     doubt: str = ""
     recognition: Recognition | None = None
+    refusal: str = ""

@@ -20,9 +20,11 @@ from slam.maps.start import MapStart, first_maps
 from slam.observations import MOST_FEATURES, NO_FEATURES, seen_before_share, usable_rows, verdicts_of_all
 from slam.odometry.odometry import Increment, Odometry, compound
 from slam.odometry.rest import Rest
+from slam.odometry.scan_clock import ScanClock
 from slam.particles.fastslam import FastSlam, ScanOutcome
 from slam.quality import QualityMonitor
 from slam.recognise.local_points import around
+from slam.recognise.prior import PosePrior
 from slam.recognise.warm_up import warm_up_recognition
 from slam.relocalise.local_map import ScanSeen, ScanTaken, no_witness
 from slam.relocalise.relocaliser import Relocaliser
@@ -78,23 +80,33 @@ class Estimator:
         self._relocaliser = Relocaliser(settings, self._joint, saved)
         self._keyframes = self._relocaliser.here.keyframes
         self._quality = QualityMonitor(settings.quality, self._joint.scans)
-        self._scan_ns: int | None = None
-        self._rest = Rest()
-        self._tick_ns: int | None = None
-        self._refused_scans = self._scans_ahead = 0
+        self._scan_clock, self._rest = ScanClock(), Rest()
         self._not_finite = 0
 
-    def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
-        """The estimate at stamp_ns from everything up to then; without a scan a prediction from the wheels."""
-        self._follow_clock(stamp_ns)
+    def step(
+        self,
+        stamp_ns: int,
+        scan: ScanLike | None,
+        wheels: tuple[WheelSample, ...],
+        told: PosePrior | None = None,
+    ) -> Estimate:
+        """The estimate at stamp_ns from everything up to then; without a scan a prediction from the wheels.
+
+        told: where somebody says that the rover is. It is looked for there with the next scans; what comes of it is
+        a recognition, or a refusal.
+        """
+        if self._scan_clock.follow(stamp_ns):
+            self._odometry.begin_anew()
         self._odometry.add(wheels, stamp_ns + AHEAD_NS)
-        if scan is None or not self._is_new(scan, stamp_ns):
+        if told is not None:
+            self._relocaliser.tell(told.moved(self._odometry.predicted(stamp_ns).as_pose().inverse()))
+        if scan is None or not self._scan_clock.is_new(scan.stamp_ns, stamp_ns):
             return self._prediction(stamp_ns)
         increment = self._odometry.take_until(scan.stamp_ns)
         scan = self._settings.mount.upright(scan)
-        if self._scan_ns is None:
+        if self._scan_clock.last_ns is None:
             increment = replace(increment, covariance=np.zeros((3, 3)))  # the map begins here, wherever that is
-        self._scan_ns = scan.stamp_ns
+        self._scan_clock.last_ns = scan.stamp_ns
         moved = (self._particles.scans, self._joint.moves)
         try:
             return self._scan_step(stamp_ns, scan, increment)
@@ -185,6 +197,7 @@ class Estimator:
             | self._quality.figures
             | ({} if recognition is None else recognition.figures),
             recognition=recognition,
+            refusal=self._relocaliser.take_refusal(),
         )
 
     def _find_back(self, seen: ScanSeen, matched: IntArray) -> Recognition | None:
@@ -207,27 +220,6 @@ class Estimator:
             self._particles.step(increment, NO_FEATURES, BLIND)
         if self._joint.moves == joint_moves:
             self._joint.predict(increment.mean, increment.covariance)
-
-    def _follow_clock(self, stamp_ns: int) -> None:
-        """Where the clock of the ticks was set back, stamps of before are no measure for those that come."""
-        if self._tick_ns is not None and stamp_ns < self._tick_ns - AHEAD_NS:
-            self._odometry.begin_anew()
-            if self._scan_ns is not None:
-                self._scan_ns = stamp_ns - AHEAD_NS
-        self._tick_ns = stamp_ns
-
-    def _is_new(self, scan: ScanLike, stamp_ns: int) -> bool:
-        """False for a scan whose time stands still or runs backwards, and for one from after its tick: counted.
-
-        Believed once, a stamp far ahead would make every later scan an old one.
-        """
-        if scan.stamp_ns > stamp_ns + AHEAD_NS:
-            self._scans_ahead += 1
-            return False
-        if self._scan_ns is not None and scan.stamp_ns <= self._scan_ns:
-            self._refused_scans += 1
-            return False
-        return True
 
     def _prediction(self, stamp_ns: int) -> Estimate:
         """The poses at the last scan moved on by the wheels to stamp_ns, their covariances grown by the wheels' own."""
@@ -258,8 +250,7 @@ class Estimator:
         refused = {f"{name}_refused": float(number) for name, number in self._odometry.refused.items() if number}
         return refused | {
             "landmarks": float(self._particles.store.count_of(self._particles.best)),
-            "scan_stamps_refused": float(self._refused_scans),
-            **({"scan_stamps_ahead_refused": float(self._scans_ahead)} if self._scans_ahead else {}),
+            **self._scan_clock.counts,
             "not_finite": float(self._not_finite),
         }
 

@@ -30,7 +30,10 @@ EXAMPLES = {
     "sim": ("infant sim --config mock", "infant sim --laser-only --model UTM-30LX --listen 127.0.0.1:10940"),
     "status": ("infant status --watch", "infant status --json"),
     "mark": ('infant mark "scraped the kerb"',),
-    "command": ('infant command mark "scraped the kerb" --rover infant',),
+    "command": (
+        'infant command mark "scraped the kerb" --rover infant',
+        "infant command --rover infant initial_pose -- -3.5,2,1.57",
+    ),
     "review": ("infant review runs/yard", "infant review runs/yard --fail-on warn --json"),
     "view": ("infant view runs/yard", "infant view --live 192.168.1.20"),
     "replay": ("infant replay runs/yard --verify", "infant replay runs/yard --set slam.particles=200 --out runs/more"),

@@ -88,11 +88,17 @@ class CommandWord(StrEnum):
     mark = "mark"
     save = "save"
     stop = "stop"
+    initial_pose = "initial_pose"
 
 
 def command(
-    asked: Annotated[CommandWord, typer.Argument(help="mark this moment, save what is recorded, or stop recording")],
-    reason: Annotated[str, typer.Argument(help="what was seen; a mark needs one")] = "",
+    asked: Annotated[
+        CommandWord,
+        typer.Argument(help="mark this moment, save what is recorded, stop recording, or say where the rover stands"),
+    ],
+    reason: Annotated[
+        str, typer.Argument(help="what was seen, which a mark needs; of initial_pose X,Y,YAW[,SIGMA_M,SIGMA_RAD]")
+    ] = "",
     rover: Rover = None,
     connect: Annotated[str, typer.Option("--connect", help="endpoint of the rover or router")] = "tcp/127.0.0.1:7447",
     zenoh_file: Annotated[
@@ -100,7 +106,7 @@ def command(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell a rover over zenoh to mark, save or stop its recording; it must have publish.commands and access rules."""
+    """Tell a rover over zenoh to mark, save or stop its recording, or where it stands; publish.commands must be on."""
     from runtime.commands import Command
     from runtime.errors import UsageError
     from runtime.publish.commands import send_command

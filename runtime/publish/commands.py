@@ -1,6 +1,7 @@
 """Commands over zenoh, on either side: the rover that answers them and the tool that asks.
 
-A command is a query on infant/<rover>/command/<mark|save|stop> whose payload is the reason. They are off unless
+A command is a query on infant/<rover>/command/<mark|save|stop|initial_pose> whose payload is the reason, of the last
+one the pose (runtime.commands.parse_prior). They are off unless
 publish.commands says so, and then the rover wants a zenoh configuration with access rules (see session.py).
 """
 

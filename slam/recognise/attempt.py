@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from drivers.measurements import FloatArray, IntArray
 from slam.pose import Pose2, wrap_rad
 from slam.recognise.map_index import FREE, IndexedMap, MapIndex
+from slam.recognise.prior import PosePrior, region_of
 from slam.recognise.scale import Scale
 from slam.recognise.search_kernels import AT, SAME_M, SAME_RAD, TASK, Candidates, Searched, refine, search
 
@@ -25,6 +26,7 @@ LENGTH_SIGMAS = 2.5
 KEPT_POSES = 64
 LOOKS_A_SLICE = 120_000  # about 3 ms
 ODDS, LEAST_MATCHES, LEAST_SHARE = 14.0, 6, 0.4
+LEAST_TOLD = 4  # matches, where somebody has said where the rover is
 OVER_MIRROR = 5.0
 LEAST_RIVALS, MOST_RIVALS = 4, 10  # places that look alike, from which the tail is estimated
 NEGLIGIBLE = 30.0  # smaller than the best by more, in logarithms, a rival has no mass
@@ -67,7 +69,7 @@ class Hypothesis:
 
     odds: natural logarithm, against chance, every other place and "not in the map"; mirror_odds: what the same points
     reached in the mirror. local, known (k,): identities of the matched landmarks in both maps. points: how many local
-    ones there were.
+    ones there were. is_told: only the places within a prior were looked at.
     """
 
     map_from_body: Pose2
@@ -76,6 +78,7 @@ class Hypothesis:
     local: IntArray
     known: IntArray
     points: int
+    is_told: bool = False
 
     @property
     def probability_wrong(self) -> float:
@@ -86,7 +89,7 @@ class Hypothesis:
     def acceptable(self) -> bool:
         """Whether it may be the place; see slam.recognise.confirmation for what is needed besides."""
         matches = len(self.known)
-        enough = matches >= LEAST_MATCHES and matches >= LEAST_SHARE * self.points
+        enough = matches >= (LEAST_TOLD if self.is_told else LEAST_MATCHES) and matches >= LEAST_SHARE * self.points
         return enough and self.odds >= max(ODDS, self.mirror_odds + OVER_MIRROR)
 
 
@@ -96,14 +99,15 @@ NOTHING = Hypothesis(Pose2(), -math.inf, -math.inf, np.empty(0, np.int64), np.em
 class Attempt:
     """points against a map as it was when the attempt began. No random part: a replay repeats it."""
 
-    def __init__(self, scale: Scale, known: IndexedMap, points: LocalPoints) -> None:
-        self._known = known
+    def __init__(self, scale: Scale, known: IndexedMap, points: LocalPoints, prior: PosePrior | None = None) -> None:
+        """prior: where the rover is said to be; no other place is looked at."""
+        self._known, self._is_told = known, prior is not None
         chosen = np.argsort(points.variances_m2, kind="stable")[:MOST_POINTS]
         self._identities = points.identities[chosen]
         variances = points.variances_m2[chosen] + scale.sigma_m**2
         self._sides = []
         if len(chosen) >= LEAST_POINTS:
-            task = searched(known, points.points_m[chosen], variances, scale)
+            task = searched(known, points.points_m[chosen], variances, scale, prior)
             mirrored = task._replace(points_m=task.points_m * (1.0, -1.0))
             self._sides = [_Side(known, task), _Side(known, mirrored)]
 
@@ -126,6 +130,7 @@ class Attempt:
             self._identities[matched],
             self._known.identities[matches[matched]],
             len(self._identities),
+            self._is_told,
         )
 
     @property
@@ -134,9 +139,9 @@ class Attempt:
         return tuple(count for side in self._sides for count in side.progress)
 
 
-def recognise(index: MapIndex, points: LocalPoints) -> Hypothesis:
+def recognise(index: MapIndex, points: LocalPoints, prior: PosePrior | None = None) -> Hypothesis:
     """Where in the map the local points are, found at once; whether it is to be believed, its odds say."""
-    attempt = Attempt(index.scale, index.indexed, points)
+    attempt = Attempt(index.scale, index.indexed, points, prior)
     while (hypothesis := attempt.advance()) is None:
         pass
     return hypothesis
@@ -212,7 +217,9 @@ def spacing(chance: list[float]) -> float:
     return max(1.0, sum(largest[:-1]) / (len(largest) - 1) - largest[-1])
 
 
-def searched(known: IndexedMap, points_m: FloatArray, variances_m2: FloatArray, scale: Scale) -> Searched:
+def searched(
+    known: IndexedMap, points_m: FloatArray, variances_m2: FloatArray, scale: Scale, prior: PosePrior | None
+) -> Searched:
     """Which pairs of the local points (n, 2) are tried: long, exact ones of a length that is rare in the map."""
     count = len(points_m)
     first, second = np.triu_indices(count, 1)
@@ -237,7 +244,7 @@ def searched(known: IndexedMap, points_m: FloatArray, variances_m2: FloatArray, 
         order = np.argsort(far, kind="stable")
         orders[number] = order[(order != a) & (order != b)]
     bounds = np.column_stack((low[chosen], high[chosen])).astype(np.int64)
-    return Searched(np.ascontiguousarray(points_m), variances_m2, pairs, bounds, orders)
+    return Searched(np.ascontiguousarray(points_m), variances_m2, pairs, bounds, orders, region_of(prior))
 
 
 def _same(pose: FloatArray, other: FloatArray) -> bool:

@@ -10,6 +10,7 @@ from slam.angles import wrapped
 from slam.compiled import kernel, leaf
 from slam.recognise.grid import NONE, is_empty, nearest
 from slam.recognise.map_index import IndexedMap
+from slam.recognise.prior import Region
 
 DETECTION = 0.7  # probability that a landmark of the local map is in the map at all
 GIVE_UP = -4.5  # log-likelihood ratio at which a pose is dropped before all points were looked at
@@ -27,7 +28,7 @@ class Searched(NamedTuple):
     """Local points (n, 2) in the body's frame, variances_m2 (n,) with those of the map, and what of them is tried.
 
     pairs (t, 2): the local pairs; bounds (t, 2): the map's pairs of their length; orders (t, n - 2): the other points,
-    nearest to the pair first.
+    nearest to the pair first. region: which poses count.
     """
 
     points_m: FloatArray
@@ -35,6 +36,7 @@ class Searched(NamedTuple):
     pairs: IntArray
     bounds: IntArray
     orders: IntArray
+    region: Region
 
 
 class Candidates(NamedTuple):
@@ -80,6 +82,8 @@ def search(searched: Searched, known: IndexedMap, cursor: IntArray, most_looks: 
     ahead, left = np.empty(others), np.empty(others)
     variances, gates = np.empty(others), np.empty(others)
     places, occupied, per_metre = known.grid.points_m, known.grid.occupied, 1.0 / known.grid.patch_m
+    region = searched.region
+    ahead_x, ahead_y = math.cos(region.heading), math.sin(region.heading)
     looks = 0
     while cursor[TASK] < searched.pairs.shape[0]:
         task = cursor[TASK]
@@ -99,6 +103,10 @@ def search(searched: Searched, known: IndexedMap, cursor: IntArray, most_looks: 
                 sine = scale * (along_x * to_y - along_y * to_x)
                 x = places[i, 0] + 0.5 * to_x - cosine * middle_x + sine * middle_y
                 y = places[i, 1] + 0.5 * to_y - sine * middle_x - cosine * middle_y
+                is_far = math.hypot(x - region.x, y - region.y) > region.reach_m
+                if is_far or cosine * ahead_x + sine * ahead_y < region.least_cosine:
+                    looks += 1
+                    continue
                 value = 0.0
                 for u in range(others):
                     there_x, there_y = x + cosine * ahead[u] - sine * left[u], y + sine * ahead[u] + cosine * left[u]
@@ -208,7 +216,8 @@ def information_at(
 
 @kernel
 def refine(searched: Searched, known: IndexedMap, pose: FloatArray, takers: IntArray, matches: IntArray) -> float:
-    """Move the pose (3,) onto its matches (n,), in place; returns the log of its Bayes factor against chance.
+    """Move the pose (3,) onto its matches (n,), in place; returns the log of its Bayes factor against chance, with the
+    prior of the region; anywhere in the map where there is none.
 
     Every local point counts, matched or not: a pose that leaves most of them unmatched is none.
     """
@@ -243,5 +252,15 @@ def refine(searched: Searched, known: IndexedMap, pose: FloatArray, takers: IntA
     determinant = np.linalg.det(information)
     if determinant <= 0.0:
         return -math.inf
-    anywhere = math.log(2.0 * math.pi * known.area_m2)
-    return value + 1.5 * math.log(2.0 * math.pi) - 0.5 * math.log(determinant) - anywhere
+    value += 1.5 * math.log(2.0 * math.pi) - 0.5 * math.log(determinant)
+    region = searched.region
+    if region.variance_m2 == math.inf:
+        return value - math.log(2.0 * math.pi * known.area_m2)
+    spread = np.linalg.inv(information)
+    spread[0, 0] += region.variance_m2
+    spread[1, 1] += region.variance_m2
+    spread[2, 2] += region.variance_rad2
+    off = np.array((pose[0] - region.x, pose[1] - region.y, wrapped(pose[2] - region.heading)))
+    square = float((off * np.linalg.solve(spread, off)).sum())
+    value -= 0.5 * (square + math.log(np.linalg.det(spread)) + 3.0 * math.log(2.0 * math.pi))
+    return value

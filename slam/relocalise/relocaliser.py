@@ -7,7 +7,6 @@ nothing to be missed); other maps are known. Work in a tick is bounded; a result
 
 import math
 import struct
-from dataclasses import dataclass
 
 from drivers.measurements import IntArray
 from slam.estimate import Quality, Recognition
@@ -15,13 +14,15 @@ from slam.joint.gaussian import JointGaussian
 from slam.keyframes.keyframes import Keyframes
 from slam.pose import Pose2, wrap_rad
 from slam.quality import Judgement, QualityMonitor
-from slam.recognise.attempt import LEAST_MATCHES, NOTHING, Attempt, Hypothesis
+from slam.recognise.attempt import NOTHING, Hypothesis
 from slam.recognise.confirmation import Confirmation
 from slam.recognise.local_points import local_points
 from slam.recognise.map_index import MapIndex
+from slam.recognise.prior import PosePrior
 from slam.recognise.scale import Scale
 from slam.relocalise.island import Island
 from slam.relocalise.local_map import LocalMap, ScanSeen
+from slam.relocalise.search import Search, ToldPlace, begin_search
 from slam.settings.slam import SlamSettings
 
 REVISIT_M = 10.0  # between attempts while the pose is believed
@@ -29,25 +30,10 @@ CONFIRM_M = 5.0  # the same after one that may be right
 ATTEMPT_NS = 500_000_000  # between attempts in doubt
 FOLLOW_EVERY = 10  # scans, the index is brought up to date
 REMEMBER_EVERY = 10  # scans, at the least, the map is copied while it is right
-MOST_NEAR, MOST_LOOKED_FOR = 14, 28  # landmarks around the rover, the nearest ones, in the first and second attempt
 MOST_CHANGES = 64  # of an index in a scan
 NEW_MAP_M, NEW_MAP_NS = 30.0, 60_000_000_000  # lost on new ground for so long, a new map begins
 LEAST_LANDMARKS = 6  # of a new map
 MOST_ISLANDS = 8
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Search:
-    """An attempt on an island, and where the rover was in the source's frame when it began.
-
-    whole: the second of two.
-    """
-
-    attempt: Attempt
-    source: JointGaussian
-    island: Island
-    frame_from_body: Pose2
-    whole: bool
 
 
 class Relocaliser:
@@ -68,6 +54,8 @@ class Relocaliser:
         self._last_number, self._turn = 1, 0
         self._local: LocalMap | None = None
         self._search: Search | None = None
+        self._told: ToldPlace | None = None
+        self._refusal = ""
         self._since_attempt_m, self._attempt_ns = 0.0, 0
         self._front_from_map: Pose2 | None = None
         self.best, self.recognised = NOTHING, 0
@@ -80,6 +68,8 @@ class Relocaliser:
         On a recognition, or where a new map was begun, `here` is another map or another pose in it.
         """
         here, joint = self.here, self.here.joint
+        if self._told is not None:
+            self._told.follow(Pose2(*seen.increment_mean.tolist()))
         self._since_attempt_m += math.hypot(*seen.increment_mean[:2].tolist())
         keyframes = len(here.keyframes)
         if not quality.is_doubted and here.rooting.add(joint.scans, matched, joint.landmark_count, keyframes):
@@ -90,6 +80,17 @@ class Relocaliser:
         if recognition is not None:
             self._restart(before, quality, seen.stamp_ns)
         return recognition
+
+    def tell(self, prior: PosePrior) -> None:
+        """Somebody says where the rover was at its last scan: in the saved map, where it looks for its place in one,
+        else in the map that it is in. It is looked for there, and believed where what stands around agrees.
+        """
+        self._told, self._search = ToldPlace(prior), None
+
+    def take_refusal(self) -> str:
+        """Why what somebody said is not believed, once; "" where nothing was refused."""
+        refusal, self._refusal = self._refusal, ""
+        return refusal
 
     def add_map(self, joint: JointGaussian) -> None:
         """One that was known before, to be recognised in; its landmarks' identities are below its number of scans."""
@@ -143,15 +144,18 @@ class Relocaliser:
         numbers = (self.here.number, len(self._others), self.here.rooting.before_scan, self._turn, self._attempt_ns)
         local = b"" if self._local is None else self._local.joint.state_bytes()
         counts = struct.pack(f"<{len(numbers) + len(progress)}q", *numbers, *progress)
-        return counts + struct.pack("<dd", self._since_attempt_m, self.best.odds) + local
+        told = b"" if self._told is None else struct.pack("<2q3d", *self._told.state, *self._told.prior.pose.as_array())
+        return counts + struct.pack("<dd", self._since_attempt_m, self.best.odds) + local + told
 
     def _island(self, number: int, joint: JointGaussian) -> Island:
         return Island(number, joint, Keyframes(joint, self._mount), MapIndex(self._scale))
 
     def _follow_local(self, seen: ScanSeen, quality: QualityMonitor) -> None:
-        """Keep a local map while the pose is in doubt; it begins anew where it is spoilt or has missed a step."""
+        """Keep a local map while the pose is in doubt or somebody says another; it begins anew where it is spoilt or
+        has missed a step.
+        """
         joint = self.here.joint
-        if not quality.is_doubted:
+        if not quality.is_doubted and (self._told is None or self.awaits_saved):
             if self._local is not None:
                 self._local, self._search = None, None
                 self._forget_attempts()
@@ -190,15 +194,19 @@ class Relocaliser:
             return None
         search, self._search = self._search, None
         self.best = found
+        if search.is_told:
+            return self._take(search, found) if self._told is not None and self._told.add(found) else None
         if search.island.confirmation.add(found, search.frame_from_body):
             return self._take(search, found)
         if not search.whole:
-            self._search = self._begin(search.source, search.island, whole=True)
+            self._search = begin_search(self._scale, search.source, search.island, whole=True)
         return None
 
     def _next_search(self, stamp_ns: int) -> Search | None:
         """What is looked for, and in which map: they take turns."""
         here, local = self.here, self._local
+        if self._told is not None:
+            return self._next_told(self._told)
         source = here.joint if local is None else local.joint
         islands = [here, *self._others]
         if local is None:
@@ -212,24 +220,17 @@ class Relocaliser:
         self._attempt_ns = stamp_ns
         if local is None and island is here:
             self._since_attempt_m = 0.0
-        return self._begin(source, island, whole=False)
+        return begin_search(self._scale, source, island, whole=False)
 
-    def _begin(self, source: JointGaussian, island: Island, *, whole: bool) -> Search | None:
-        """An attempt with what the source has around the rover; None where that is too little, or no other than last.
-
-        The first is made with the nearest points only: the others are the second's new evidence. And where the rover
-        comes out of unmapped country, what lies behind it does not speak against the place ahead.
-        """
-        since = island.rooting.before_scan if source is island.joint else 0
-        points = local_points(source.state, self._scale, since)
-        tried = tuple(points.identities.tolist())
-        if len(points) < LEAST_MATCHES or not len(island.index) or (not whole and tried == island.tried):
+    def _next_told(self, told: ToldPlace) -> Search | None:
+        """Look where the rover is said to be; that ends when it was looked for long enough."""
+        self._refusal = told.refusal
+        if self._refusal:
+            self._told = None
             return None
-        island.tried = tried
-        near = min(2 * len(points) // 3, MOST_NEAR)
-        whole = whole or near < LEAST_MATCHES
-        attempt = Attempt(self._scale, island.index.indexed, points.nearest(MOST_LOOKED_FOR if whole else near))
-        return Search(attempt, source, island, source.map_from_body, whole)
+        saved = next((island for island in self._others if self.awaits_saved and island.is_saved), self.here)
+        source = self.here.joint if self._local is None else self._local.joint
+        return told.begin(self._scale, source, saved) if source is not saved.joint else None
 
     def _take(self, search: Search, found: Hypothesis) -> Recognition | None:
         """The place is confirmed: the rover goes on in that map."""
@@ -292,7 +293,7 @@ class Relocaliser:
         after = self.here.joint.map_from_body
         front = Pose2() if self._front_from_map is None else self._front_from_map
         self._front_from_map = front @ before @ after.inverse()
-        self._local, self._search = None, None
+        self._local, self._search, self._told = None, None, None
         self.here.remember()
         self._forget_attempts()
         self._since_attempt_m = 0.0

@@ -22,6 +22,7 @@ from runtime.live.stage_clock import StageClock
 from runtime.tick import CompletedTick, SinkHealth, Tick, Timing
 from slam.estimate import Estimate, Quality
 from slam.pose import Pose2
+from slam.recognise.prior import PosePrior
 
 PERIOD_NS = 100_000_000
 
@@ -69,7 +70,9 @@ class ThinkingEstimator:
     def __init__(self, clock: ObedientClock, think_ns: Callable[[int], int]) -> None:
         self.clock, self.think_ns, self.steps = clock, think_ns, 0
 
-    def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
+    def step(
+        self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...], told: PosePrior | None = None
+    ) -> Estimate:
         self.clock.time_ns += self.think_ns(self.steps)
         self.steps += 1
         zero = np.zeros((3, 3))
@@ -176,7 +179,9 @@ def test_a_silent_sensor_degrades_the_run_with_its_reason_once() -> None:
 
 def test_a_defect_in_the_estimator_is_contained_and_recorded() -> None:
     class Defective(ThinkingEstimator):
-        def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
+        def step(
+            self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...], told: PosePrior | None = None
+        ) -> Estimate:
             if scan is not None:
                 raise FloatingPointError("covariance is not positive")
             return super().step(stamp_ns, scan, wheels)
@@ -211,7 +216,9 @@ def test_the_estimators_own_stages_stand_in_the_timing() -> None:
     stages = StageClock(clock)
 
     class Marking(ThinkingEstimator):
-        def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
+        def step(
+            self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...], told: PosePrior | None = None
+        ) -> Estimate:
             self.clock.time_ns += 2_000_000
             stages.mark("front end")
             return super().step(stamp_ns, scan, wheels)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from drivers.measurements import Event
 from drivers.simulated.world.building import Building, building_settings
 from runtime.errors import ConfigurationError, NotAMapError, UsageError
 from runtime.map_files.end import end_in_map, end_lines
@@ -173,3 +174,31 @@ def test_a_replay_in_a_map_is_on_its_place_and_repeats_to_the_last_bit(
     (out / "start.map").unlink()
     with pytest.raises(NotAMapError):
         replay_run(out, None, None, True, {})
+
+
+@pytest.mark.parametrize("off_m", [0.0, 0.4])
+def test_a_pose_that_was_given_on_the_way_is_looked_for_and_repeats_to_the_last_bit(
+    off_m: float, drive: Path, corridor: tuple[Path, Pose2], tmp_path: Path
+) -> None:
+    """The drive begins at the map's origin, and a command in its record says so, up to off_m."""
+    path, true_end = corridor
+    reader, told = RunReader(drive), tmp_path / "told"
+    told.mkdir()
+    writer = RunWriter(told / "run.mcap", RunHeader(reader.header.configuration_text, "import building").metadata)
+    for number, recorded in enumerate(reader.ticks()):
+        tick = recorded.tick
+        if number == 3:
+            said = Event(tick.stamp_ns, "command", "initial_pose", f"{off_m},{-off_m},0.1")
+            tick = replace(tick, events=(*tick.events, said))
+        writer.add(input_records(tick))
+    writer.close()
+    out = tmp_path / "out"
+    last = ended(told, out, BeginIn(path, True, None))
+    gap = true_end.inverse() @ last.map_from_body
+    assert max(abs(gap.x_m), abs(gap.y_m)) < 0.05
+    found = [seen.estimate for seen in RunReader(out).ticks() if "recognised_map_id" in seen.estimate.counts]
+    alone = tmp_path / "alone"
+    ended(drive, alone, BeginIn(path, True, None))
+    later = [seen.estimate for seen in RunReader(alone).ticks() if "recognised_map_id" in seen.estimate.counts]
+    assert found[0].stamp_ns < later[0].stamp_ns
+    assert replay_run(out, None, None, True, {})["identical"] is True

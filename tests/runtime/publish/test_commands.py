@@ -1,6 +1,7 @@
 """A command reaches a rover only where it is on and a rule allows it, and it stands in the record."""
 
 import json
+import math
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +10,7 @@ import pytest
 import zenoh
 
 from drivers.measurements import Event
-from runtime.commands import LONGEST_REASON, MOST_WAITING, Command, CommandQueue, command_of
+from runtime.commands import LONGEST_REASON, MOST_WAITING, Command, CommandQueue, command_of, told_pose
 from runtime.errors import ConfigurationError, SensorError
 from runtime.health import HealthMonitor
 from runtime.live.clock import MonotonicClock
@@ -183,3 +184,44 @@ def test_save_keeps_the_map(tmp_path: Path) -> None:
     kept = json.loads(folder.map_path.read_text())
     assert kept["identities"] == estimate.landmarks.identities.tolist()
     assert kept["stamp_ns"] == 1_000
+
+
+@pytest.mark.parametrize(
+    ("payload", "why"),
+    [
+        (b"", "an empty pose: expected X,Y,YAW"),
+        (b"here", "here: expected X,Y,YAW"),
+        (b"1,2", "1,2: expected X,Y,YAW"),
+        (b"1,2,3,4", "expected X,Y,YAW"),
+        (b"1,2,nan", "expected X,Y,YAW"),
+        (b"1,2,inf,1,1", "expected X,Y,YAW"),
+        (b"1e9,2,3", "expected X, Y and YAW within 1e+07"),
+        (b"1,2,3,0,1", "expected SIGMA_M above 0 and at most 100"),
+        (b"1,2,3,1,-1", "SIGMA_RAD above 0"),
+        (b"1,2,3,1e5,1", "no pose need be given"),
+        (b"\xff\xfe,1,2", "expected X,Y,YAW"),
+        (b"[" * 3000, "expected X,Y,YAW"),
+    ],
+)
+def test_a_pose_that_is_none_is_refused_in_one_sentence(payload: bytes, why: str) -> None:
+    commands = CommandQueue(lambda: 5)
+    refusal = commands.accept(Command.INITIAL_POSE, payload)
+    assert why in refusal
+    assert "\n" not in refusal
+    assert len(refusal) < 300
+    assert commands.drain_events() == ()
+
+
+def test_the_last_pose_of_a_tick_counts_and_a_stopped_recording_does_not_matter() -> None:
+    commands = CommandQueue(lambda: 5)
+    assert commands.accept(Command.STOP, b"") == ""
+    assert "stopped" in commands.accept(Command.MARK, b"seen")
+    assert commands.accept(Command.INITIAL_POSE, b"1,2,0.5") == ""
+    assert "stopped" in commands.accept(Command.MARK, b"seen")
+    assert commands.accept(Command.INITIAL_POSE, b"-3.5,2e1,7,0.2,0.1") == ""
+    told = told_pose(commands.drain_events())
+    assert told is not None
+    assert (told.pose.x_m, told.pose.y_m, told.sigma_m, told.sigma_rad) == (-3.5, 20.0, 0.2, 0.1)
+    assert told.pose.heading_rad == pytest.approx(7.0 - 2.0 * math.pi)
+    assert told_pose(()) is None
+    assert told_pose((Event(5, "command", "initial_pose", "nonsense"),)) is None

@@ -16,6 +16,7 @@ from runtime.settings.configuration import load_configuration_text
 from slam.estimate import Estimate
 from slam.estimator import Estimator
 from slam.pose import Pose2
+from slam.recognise.prior import PosePrior
 from tests.support.runtime.recorded_values import make_estimate
 from tests.support.runtime.seeded_runs import seeded_facts
 
@@ -47,7 +48,9 @@ class Nudged(Estimator):
 
     by_m = 1e-9
 
-    def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
+    def step(
+        self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...], told: PosePrior | None = None
+    ) -> Estimate:
         estimate = super().step(stamp_ns, scan, wheels)
         pose = estimate.map_from_body
         return dataclasses.replace(estimate, map_from_body=Pose2(pose.x_m + self.by_m, pose.y_m, pose.heading_rad))

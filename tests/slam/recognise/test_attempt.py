@@ -15,6 +15,7 @@ from runtime.studies.recognition.constellations import (
 from slam.pose import Pose2
 from slam.recognise.attempt import Attempt, Hypothesis, odds_of, recognise
 from slam.recognise.map_index import index_of
+from slam.recognise.prior import PosePrior
 
 PLACES = 12
 
@@ -142,3 +143,36 @@ def test_odds_are_counted_in_units_of_what_chance_reaches_here() -> None:
     assert odds_of([40.0, *rivals], rivals) == pytest.approx((40.0 - 20.0) / 7.5, abs=0.01)
     assert odds_of([40.0, *rivals[:2]], rivals[:2]) == pytest.approx(20.0, abs=0.01)
     assert odds_of([], []) == -math.inf
+
+
+def test_only_the_place_that_was_named_counts_where_two_look_alike() -> None:
+    """Two equal groves 200 m apart: nothing tells them apart but what was said."""
+    generator = np.random.default_rng(8)
+    grove = 0.35 * scattered(generator, 120)
+    shift = Pose2(200.0, 30.0, 0.0)
+    means = np.vstack((grove, shift.transform(grove)))
+    index = index_of(SCALE, np.arange(len(means)), means)
+    pose = somewhere(generator, grove)
+    points = seen_from(generator, pose, grove)
+    assert recognise(index, points).odds < 1.0
+    for place in (pose, shift @ pose):
+        found = recognise(index, points, PosePrior(place @ Pose2(1.0, -0.5, 0.2), 1.0, 0.3))
+        assert found.acceptable
+        assert found.odds > 20.0
+        distance_m, turn_rad = apart(place, found.map_from_body)
+        assert distance_m < 0.3
+        assert turn_rad < 0.03
+
+
+@pytest.mark.parametrize("count", [80, 400])
+def test_where_nothing_of_what_is_said_is_true_nothing_is_believed(count: int) -> None:
+    """Said somewhere else in the map, in another world, in the mirror: the odds are those of chance."""
+    generator = np.random.default_rng(count)
+    things = scattered(generator, count)
+    index = mapped(generator, things)
+    for _ in range(3 * PLACES):
+        points = seen_from(generator, somewhere(generator, things), things)
+        found = recognise(index, points, PosePrior(somewhere(generator, things), 0.5, 0.26))
+        assert not found.acceptable
+        assert found.odds < 10.0
+        assert found.mirror_odds < 10.0

@@ -9,6 +9,7 @@ from runtime.messages.tick import encode_tick
 from runtime.tick import Tick
 from slam.estimate import Estimate, Quality
 from slam.pose import Pose2
+from slam.recognise.prior import PosePrior
 from slam.settings.slam import SlamSettings
 
 
@@ -20,7 +21,9 @@ class SmallEstimator:
         self._x_m = 0.0
         self.wrong_at_ns: int | None = None
 
-    def step(self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...]) -> Estimate:
+    def step(
+        self, stamp_ns: int, scan: ScanLike | None, wheels: tuple[WheelSample, ...], told: PosePrior | None = None
+    ) -> Estimate:
         seen = b"" if scan is None else scan.ranges_m.tobytes() + scan.bearings_rad.tobytes()
         digest = hashlib.blake2b(self._hash + encode_tick(Tick(0, stamp_ns, None, wheels)).data + seen, digest_size=16)
         self._hash = digest.digest()
