@@ -176,6 +176,13 @@ def test_a_replay_in_a_map_is_on_its_place_and_repeats_to_the_last_bit(
         replay_run(out, None, None, True, {})
 
 
+def recognised_ns(run: Path) -> int:
+    """Stamp of the first recognition."""
+    estimates = [tick.estimate for tick in RunReader(run).ticks()]
+    found = (estimate for estimate in estimates if estimate and "recognised_map_id" in estimate.counts)
+    return next(found).stamp_ns
+
+
 @pytest.mark.parametrize("off_m", [0.0, 0.4])
 def test_a_pose_that_was_given_on_the_way_is_looked_for_and_repeats_to_the_last_bit(
     off_m: float, drive: Path, corridor: tuple[Path, Pose2], tmp_path: Path
@@ -196,9 +203,7 @@ def test_a_pose_that_was_given_on_the_way_is_looked_for_and_repeats_to_the_last_
     last = ended(told, out, BeginIn(path, True, None))
     gap = true_end.inverse() @ last.map_from_body
     assert max(abs(gap.x_m), abs(gap.y_m)) < 0.05
-    found = [seen.estimate for seen in RunReader(out).ticks() if "recognised_map_id" in seen.estimate.counts]
     alone = tmp_path / "alone"
     ended(drive, alone, BeginIn(path, True, None))
-    later = [seen.estimate for seen in RunReader(alone).ticks() if "recognised_map_id" in seen.estimate.counts]
-    assert found[0].stamp_ns < later[0].stamp_ns
+    assert recognised_ns(out) < recognised_ns(alone)
     assert replay_run(out, None, None, True, {})["identical"] is True
