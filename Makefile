@@ -10,7 +10,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 export OPENBLAS_NUM_THREADS := 1
 export RERUN_ANALYTICS := off
 
-.PHONY: run test check lint types fuzz sbom audit bench soak browser system ros docs lock clean help
+.PHONY: run test check lint types fuzz sbom audit bench soak faults browser system ros docs lock clean help
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -48,6 +48,10 @@ bench: $(VENV)/.installed-dev
 
 soak: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m soak $(ARGS)
+
+# Real time: on a machine that is busy with other things the drivers see what those do to them, too.
+faults: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -n 0 -s -m faults $(ARGS)
 
 browser: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m browser $(ARGS)

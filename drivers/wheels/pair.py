@@ -59,12 +59,11 @@ class WheelPair:
         last = self._last
         if last is None or now_ns - last.stamp_ns < INVALID_EVERY_NS:
             return
-        for wheel in (self.left, self.right):
-            reason = wheel.fault(now_ns)
-            if reason:
-                wheel.note(now_ns, "invalid", reason)
-                self._emit(now_ns, last.left, last.right, False)
-                return
+        faults = [(wheel, reason) for wheel in (self.left, self.right) if (reason := wheel.fault(now_ns))]
+        for wheel, reason in faults:
+            wheel.note(now_ns, "invalid", reason)
+        if faults:
+            self._emit(now_ns, last.left, last.right, False)
 
     def take(self) -> tuple[WheelCounts, ...]:
         """Samples since the last call, oldest first, stamps strictly increasing."""
@@ -74,12 +73,12 @@ class WheelPair:
         return tuple(samples)
 
     def trouble(self, now_ns: int) -> str:
-        """The first wheel's fault, named; empty where both are good."""
-        for wheel in (self.left, self.right):
-            reason = wheel.fault(now_ns)
-            if reason:
-                return f"{wheel.wheel} wheel: {reason}"
-        return ""
+        """The fault of a wheel, or of both the first's, named; empty where both are good."""
+        faults = [(wheel.wheel, reason) for wheel in (self.left, self.right) if (reason := wheel.fault(now_ns))]
+        if not faults:
+            return ""
+        (wheel, reason), *others = faults
+        return f"both wheels: {reason}" if others else f"{wheel} wheel: {reason}"
 
     def _read(self, wheel: WheelState, stamp_ns: int, reading: WheelReading) -> None:
         counter = wheel.counter

@@ -124,21 +124,28 @@ def review(
     fail_on: Annotated[
         FailOn | None, typer.Option("--fail-on", help="exit code 1 where a finding is as grave as this, for CI")
     ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE.html", help="elsewhere than in the run"),
+    ] = None,
     allow_defects: AllowDefects = False,
     as_json: AsJson = False,
 ) -> None:
     """Write report.html and report.json with findings, and make review.rrd again."""
     from runtime.record.reader import RunReader
+    from runtime.record.room import is_being_written
     from runtime.record.trajectories import with_estimates
     from runtime.report.build import build_report, is_as_grave, report_lines
     from runtime.review.rebuild import build_review
 
     with busy("judge"):
-        report = build_report(run)
+        report = build_report(run, out)
     folder = with_estimates(RunReader(run)).folder
-    build_review(folder.path, folder.review_path, progress=progress_bar("draw"))
-    report["review"] = str(folder.review_path)
-    answer(report, [*report_lines(report), f"review    {folder.review_path}"], as_json)
+    drawn = folder.review_path if out is None else out.with_suffix(".rrd")
+    if not is_being_written(folder.mcap_path):  # whoever records a run draws it too
+        build_review(folder.path, drawn, progress=progress_bar("draw"))
+    report["review"] = str(drawn)
+    answer(report, [*report_lines(report), f"review    {drawn}"], as_json)
     _end_with_defects(report["defects"]["steps"], allow_defects)
     if fail_on is not None and is_as_grave(report, fail_on.value):
         sys.exit(1)
@@ -168,6 +175,7 @@ def view(
     screenshot: Annotated[
         Path | None, typer.Option("--screenshot", metavar="FILE.png", help="a picture, without a screen")
     ] = None,
+    at: Annotated[float | None, typer.Option("--at", min=0.0, help="s of the run, as a review names them")] = None,
     live: Annotated[bool, typer.Option("--live", help="a rover that drives, over zenoh")] = False,
     connect: Annotated[
         str | None, typer.Option("--connect", metavar="ENDPOINT|HOST", help="of a live rover; default: this machine")
@@ -193,11 +201,13 @@ def view(
     folder = RunFolder.open(Path(run))
     progress = progress_bar("draw")
     if screenshot is None:
-        code = viewer.open_review(folder, web, progress)
+        if web and at is not None:
+            raise UsageError("--at moves the native viewer only; leave --web out, or move the time in the browser")
+        code = viewer.open_review(folder, web, progress, at)
         if as_json:
             say_json({"run": run, "viewer_exit_code": code})
         return
-    reports = viewer.screenshot(folder, screenshot, progress=progress)
+    reports = viewer.screenshot(folder, screenshot, at, progress=progress)
     if as_json:
         say_json({"run": run, "picture": str(screenshot), "viewer_reports": reports})
     for report in () if as_json else reports:

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from drivers.measurements import Severity
+from runtime.atomic_write import atomic_write
+from runtime.errors import StorageError
 from runtime.record.folder import RunFolder
 from runtime.report.facts import RunFacts
 from runtime.report.figures import figures
@@ -15,7 +17,7 @@ from runtime.report.judge import judge
 from runtime.report.page import page
 from runtime.report.wheel_calibration import calibrated
 
-HTML_NAME, JSON_NAME = "report.html", "report.json"
+HTML_NAME = "report.html"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,16 +29,24 @@ class ExaminedRun:
     figures: dict[str, Any]
 
 
-def build_report(run: Path) -> dict[str, Any]:
+def build_report(run: Path, out: Path | None = None) -> dict[str, Any]:
     """Write both files and give what report.json holds, with their paths under "files".
 
+    out: an HTML file elsewhere, with the other beside it; None: into the run.
     Raises NotARunError, ConfigurationError, UsageError (an import without a replay), StorageError.
     """
     folder = RunFolder.open(run)
     examined = examine(run)
-    html, data = folder.path / HTML_NAME, folder.path / JSON_NAME
-    folder.write(html, page(examined.facts, examined.findings, examined.figures))
-    folder.write(data, json.dumps(examined.figures, indent=1, default=float) + "\n")
+    html = folder.path / HTML_NAME if out is None else out
+    data = html.with_suffix(".json")
+    for path, text in (
+        (html, page(examined.facts, examined.findings, examined.figures)),
+        (data, json.dumps(examined.figures, indent=1, default=float) + "\n"),
+    ):
+        try:
+            atomic_write(path, text)
+        except OSError as error:
+            raise StorageError(f"{path} cannot be written ({error.strerror}); give another with --out") from error
     return {**examined.figures, "files": {"html": str(html), "json": str(data)}}
 
 
@@ -55,7 +65,7 @@ def is_as_grave(report: dict[str, Any], severity: str) -> bool:
 
 def report_lines(report: dict[str, Any]) -> list[str]:
     """The report for a person at a terminal."""
-    lines = [f"verdict   {report['verdict']}"]
+    lines = [f"verdict   {report['verdict']}" + (f": {report['because']}" if report["because"] else "")]
     for finding in report["findings"]:
         lines.append(f"{finding['severity']!s:9s} {finding['title']}")
         if finding["severity"] != "info":

@@ -6,12 +6,17 @@ from dataclasses import replace
 from drivers.measurements import Severity
 from runtime.report.finding import RANKS, Finding, Interval
 
+LEAD_S = 0.5  # a cause may be seen this much after what follows from it, and no more
 ECHO_S = 5.0  # a pose needs some seconds to be sure again after what put it in doubt
 SENSORS = ("laser_", "scan_", "wheel", "odometry_", "can_", "storage_", "tread", "missed_beats")
 UPSTREAM = ("defect", *SENSORS)
 FOLLOWERS = {  # kind that follows: kinds that may be its cause, and whether they must fall into the same seconds
     "laser_silent": (("scan_stamps_jump", "laser_checksum", "laser_frozen", "laser_late"), True),
     "laser_scans_lost": (("laser_checksum", "laser_frozen", "scan_stamps_jump", "missed_beats"), True),
+    "wheel_node_restarted": (("wheel_silent", "odometry_silent", "wheel_stuck"), True),
+    "wheel_jump": (("wheel_silent", "odometry_silent", "wheel_stuck"), True),
+    "wheel_frames_damaged": (("wheel_silent", "odometry_silent", "wheel_stuck"), True),
+    "can_bus": (("odometry_silent",), True),
     "pose_lost": (UPSTREAM, True),
     "pose_uncertain": (UPSTREAM, True),
     "pose_jumps": (UPSTREAM, True),
@@ -46,5 +51,5 @@ def _most_within(consequences: Sequence[Interval], causes: Sequence[Interval]) -
     """Whether half or more of them begin during a cause or soon after it; a cause without times lasts all the time."""
     if not causes:
         return True
-    within = [any(begin - ECHO_S <= start <= end + ECHO_S for begin, end in causes) for start, _ in consequences]
+    within = [any(begin - LEAD_S <= start <= end + ECHO_S for begin, end in causes) for start, _ in consequences]
     return 2 * sum(within) >= max(1, len(within))

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from runtime.atomic_write import atomic_write
 from runtime.errors import StorageError
@@ -15,7 +14,8 @@ from runtime.record.folder import RunFolder
 from runtime.report.build import examine
 from runtime.report.facts import RunFacts
 from runtime.report.page import rendered
-from runtime.report.plots import Line, map_plot, time_plot
+from runtime.report.plots.drawings import Section, over_time, placed
+from runtime.report.plots.plots import Line, Plots, legend
 
 ABSENT = "-"
 NAMES = ("first", "second")
@@ -115,8 +115,9 @@ def _page(facts: tuple[RunFacts, RunFacts], result: dict[str, Any]) -> str:
         for row in result["figures"]
         if any(value is not None for value in row["values"])
     ]
+    plots, section = Plots(max(item.duration_s for item in facts)), Section()
     paths = [
-        Line(name, item.ticks.estimated[:, 0], item.ticks.estimated[:, 1], f"path-{style}")
+        Line(name, item.ticks.estimated[:, 0], item.ticks.estimated[:, 1], style)
         for name, item, style in zip(names, facts, "ab", strict=True)
     ]
     errors = [
@@ -128,16 +129,18 @@ def _page(facts: tuple[RunFacts, RunFacts], result: dict[str, Any]) -> str:
         for name, item, style in zip(names, facts, "ab", strict=True)
         if "step" in item.ticks.stages_ms
     ]
-    drawings = {"Published poses, from above": Markup(map_plot(paths, "two trajectories"))}
+    section.add("Published poses, from above", plots.over_ground(paths, facts[0].ticks.times_s), legend(paths))
     if any(np.isfinite(line.y).any() for line in errors):
-        drawings["Distance from the truth"] = Markup(time_plot(errors, "error, m"))
-    drawings["Step of the filter"] = Markup(time_plot(steps, "duration, ms"))
+        over_time(plots, section, "Distance from the truth", errors, "error, m")
+    over_time(plots, section, "Step of the filter", steps, "duration, ms")
+    script, drawings = placed({"all": section})
     return rendered(
         "compare.html",
         names=names,
         verdicts=result["verdicts"],
         rows=rows,
-        drawings=drawings,
+        script=script,
+        drawings=drawings["all"],
         findings=list(zip_longest(*result["findings"], fillvalue="")),
         configuration=[(row["key"], *row["values"]) for row in result["configuration"]],
     )

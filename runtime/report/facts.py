@@ -12,6 +12,7 @@ from runtime.calibrate.result import Calibration
 from runtime.calibrate.scans.orientation import AS_BELIEVED, Orientation
 from runtime.evaluate.smoothed import SmoothedResult
 from runtime.messages.tick import Gap
+from runtime.report.plots.scan_picture import ScanPicture
 from runtime.settings.configuration import Configuration
 from slam.estimate import LandmarkMap
 
@@ -107,6 +108,7 @@ class RunFacts:
     tick and reason of every step that raised. stuck_encoders, orientation (of the laser, against the configuration),
     calibration: what `calibrated` adds; None where `drive` has nothing to calibrate by. known_map: the saved map that
     the run began in, None where it began without. smoothed: what `infant smooth` made of these estimates, if it did.
+    scan_picture: all scans in the map; None without scans. recording: the run has not ended.
     """
 
     name: str
@@ -132,6 +134,8 @@ class RunFacts:
     calibration: Calibration | None = None
     known_map: LandmarkMap | None = None
     smoothed: SmoothedResult | None = None
+    scan_picture: ScanPicture | None = None
+    recording: bool = False
 
     @property
     def duration_s(self) -> float:

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
 from runtime.map_files.changes import map_changes
+from runtime.report.events.repeated import repeated
+from runtime.report.events.states import state_times
 from runtime.report.facts import QUALITIES, RunFacts
 from runtime.report.finding import Finding, silences, worst
 from runtime.report.findings.geometry import geometry_rows
-from runtime.report.judge import verdict
+from runtime.report.judge import because, verdict
 
-SHOWN_EVENTS = 200  # of thousands in a bad run; the record has them all
+SHOWN_EVENTS = 100  # rows; the record has them all
 FORMAT = 1
 
 
@@ -29,10 +31,12 @@ def figures(facts: RunFacts, findings: Sequence[Finding]) -> dict[str, Any]:
         "configuration_sha256": facts.configuration.sha256,
         "duration_s": round(facts.duration_s, 2),
         "verdict": verdict(findings),
+        "because": because(findings),
         "severity": worst(findings).value,
         "findings": [finding.as_json() for finding in findings],
         "accuracy": facts.accuracy,
         "defects": {"steps": len(facts.defects), "first": facts.defects[0][1] if facts.defects else None},
+        "health": _health(facts),
         "timing": _timing(facts),
         "sensors": _sensors(facts),
         "filter": _filter(facts),
@@ -43,6 +47,20 @@ def figures(facts: RunFacts, findings: Sequence[Finding]) -> dict[str, Any]:
         "events": _events(facts),
         "truncated": facts.truncated or None,
     }
+
+
+def _health(facts: RunFacts) -> list[dict[str, Any]]:
+    """Each state with its seconds; empty where the run told nothing."""
+    return [
+        {
+            "state": each.state,
+            "seconds": round(each.seconds, 2),
+            "share": round(each.share, 4),
+            "spans_s": [[round(start, 2), round(end, 2)] for start, end in each.spans],
+            "reasons_s": {reason: round(seconds, 2) for reason, seconds in each.reasons},
+        }
+        for each in state_times(facts.events, facts.origin_ns, facts.duration_s)
+    ]
 
 
 def _timing(facts: RunFacts) -> dict[str, Any]:
@@ -136,13 +154,15 @@ def _events(facts: RunFacts) -> dict[str, Any]:
     counted = Counter(f"{event.source}.{event.kind}" for event in facts.events)
     shown = [
         {
-            "time_s": round(facts.seconds(event.stamp_ns), 2),
-            "source": event.source,
-            "kind": event.kind,
-            "severity": event.severity.value,
-            "reason": event.reason,
+            "time_s": round(row.start_s, 2),
+            "until_s": round(row.end_s, 2),
+            "times": row.times,
+            "source": row.event.source,
+            "kind": row.event.kind,
+            "severity": row.event.severity.value,
+            "reason": row.event.reason,
         }
-        for event in facts.events[:SHOWN_EVENTS]
+        for row in repeated(facts.events, facts.origin_ns)[:SHOWN_EVENTS]
     ]
     return {"total": len(facts.events), "by_kind": dict(counted.most_common()), "first": shown}
 

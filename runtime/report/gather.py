@@ -15,17 +15,20 @@ from runtime.evaluate.evaluate import against_data_set, against_simulation, noth
 from runtime.evaluate.smoothed import read_smoothed
 from runtime.evaluate.truth import DataSetTruth
 from runtime.map_files.start import recorded_start
+from runtime.maps.placed_scans import at_scan, place, twist_between
 from runtime.messages.decoding import decoded
 from runtime.printable import printable
 from runtime.record.reader import RecordedTick, RunReader
+from runtime.record.room import is_being_written
 from runtime.record.trajectories import Trajectories, with_estimates
 from runtime.report.device_clock import DeviceClockReader
 from runtime.report.facts import QUALITIES, RunFacts, ScanColumns, TickColumns, WheelColumns
+from runtime.report.plots.scan_picture import ScanCells
 from runtime.settings.configuration import Configuration, load_configuration_text
 from runtime.tick import of_its_time
-from slam.estimate import Estimate, LandmarkMap
+from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.observations import BeamVerdict
-from slam.settings.slam import MountSettings
+from slam.settings.slam import SlamSettings
 
 REST_SCANS = 20  # the first scans, all of them: they stand still and show the range noise
 SCAN_APART_NS = 240_000_000  # then one in 0.25 s suffices for matching and costs a third
@@ -41,7 +44,7 @@ def gather(run: Path) -> RunFacts:
     inputs = RunReader(run)
     reader = with_estimates(inputs)
     configuration = load_configuration_text(reader.header.configuration_text, source=f"configuration of {run}")
-    pass_ = Gathering(configuration.slam.mount)
+    pass_ = Gathering(configuration.slam)
     for recorded in reader.ticks():
         pass_.take(recorded)
     if not pass_.rows:
@@ -59,8 +62,11 @@ def gather(run: Path) -> RunFacts:
 class Gathering:
     """Rows that grow tick by tick; only numbers stay, and some scans."""
 
-    def __init__(self, mount: MountSettings) -> None:
-        self._mount = mount
+    def __init__(self, settings: SlamSettings) -> None:
+        self._settings = settings
+        self._mount = settings.mount
+        self._before: Estimate | None = None
+        self._cells = ScanCells()
         self.rows: list[tuple[float, ...]] = []
         self.ticks = 0
         self._counts: list[dict[str, float]] = []
@@ -117,6 +123,7 @@ class Gathering:
                 0.0 if timing is None else timing.missed,
             )
         )
+        self._before = estimate
         self._counts.append(estimate.counts)
         self._stages.append({} if timing is None else timing.stages_ns)
 
@@ -164,12 +171,15 @@ class Gathering:
             defects=tuple(self._defects),
             known_map=_known_map(reader),
             smoothed=read_smoothed(inputs.folder, reader.folder),
+            scan_picture=self._cells.picture(),
+            recording=is_being_written(reader.folder.mcap_path),
         )
 
     def _take_scan(self, beat_ns: int, scan: object, estimate: Estimate | None) -> None:
         moved = near = returned = math.nan
         stamp_ns = getattr(scan, "stamp_ns", beat_ns)
         if isinstance(scan, Scan):
+            self._lay(scan, estimate)
             scan = self._mount.upright(scan)
             back = np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.range_max_m)
             returned = float(back.mean())
@@ -181,6 +191,15 @@ class Gathering:
             if len(self._kept) < MOST_SCANS and (early or stamp_ns - self._kept[-1].stamp_ns >= SCAN_APART_NS):
                 self._kept.append(scan)
         self._scans.append((self._seconds(stamp_ns), (beat_ns - stamp_ns) * 1e-9, returned, moved, near))
+
+    def _lay(self, scan: Scan, estimate: Estimate | None) -> None:
+        """Into the picture of the map, while the pose is believed."""
+        if estimate is None or estimate.beam_verdicts is None or estimate.quality is Quality.LOST:
+            return
+        if self._cells.wants(scan.stamp_ns):
+            pose, twist = at_scan(scan.stamp_ns, self._before, estimate), twist_between(self._before, estimate)
+            placed = place(scan, pose, twist, estimate.beam_verdicts, self._settings)
+            self._cells.take(scan.stamp_ns, placed.points_m[placed.solid])
 
     def _drive(self, name: str) -> DriveData | None:
         """What calibration can use; None where there are no scans or no wheels."""

@@ -39,3 +39,12 @@ def judge(facts: RunFacts) -> list[Finding]:
 def verdict(findings: Sequence[Finding]) -> str:
     """In a few words."""
     return VERDICTS[worst(findings)]
+
+
+def because(findings: Sequence[Finding]) -> str:
+    """The finding that made the verdict; "" for a healthy run."""
+    grave = worst(findings)
+    if grave is Severity.INFO:
+        return ""
+    first = next(finding for finding in findings if finding.severity is grave)
+    return f"{first.title}; {first.cause}" if first.follows else first.title

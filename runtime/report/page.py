@@ -7,14 +7,13 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from runtime.printable import printable
 from runtime.report.facts import RunFacts
-from runtime.report.finding import Finding, Interval, span_text
-from runtime.report.plots import Line, map_plot, time_plot, timeline
+from runtime.report.finding import Finding, span_text, spans_text
+from runtime.report.plots.drawings import drawings
 
 KEY = re.compile(
     r"(\[[a-z_]+(\.[a-z_]+)*\]|[a-z_]+(\.[a-z_0-9]+)+|\b[a-z]+(_[a-z0-9]+)+)"  # a table, a full name, or its last part
@@ -28,13 +27,14 @@ ACCURACY = (
     ("relation_translation_m", "relations, translation", "m"),
     ("relation_rotation_deg", "relations, rotation", "deg"),
 )
-Drawings = dict[str, Markup]
 
 
 def page(facts: RunFacts, findings: Sequence[Finding], figures: dict[str, Any]) -> str:
     """The whole page."""
     accuracy, quality = figures["accuracy"], figures["filter"]["quality_share"]
     events = figures["events"]["first"]
+    recognised_s = [found["time_s"] for found in figures["recognitions"] if not found["is_new"]]
+    script, placed = drawings(facts, findings, recognised_s)
     return rendered(
         "report.html",
         facts=facts,
@@ -42,15 +42,9 @@ def page(facts: RunFacts, findings: Sequence[Finding], figures: dict[str, Any]) 
         figures=figures,
         origin=_origin(facts),
         tiles=tiles(figures),
-        timeline=_timeline(facts, findings),
+        script=script,
+        drawings=placed,
         configuration=Markup("\n").join(map(printable, facts.configuration.text.split("\n"))),
-        drawings={
-            "where": _where(facts),
-            "timing": _timing(facts, findings),
-            "sensors": _sensors(facts, findings),
-            "filter": _filter(facts, findings),
-            "clock": _clock(facts),
-        },
         accuracy=[
             (label, f"{accuracy[key]:.3f} {unit}") for key, label, unit in ACCURACY if accuracy.get(key) is not None
         ],
@@ -58,7 +52,9 @@ def page(facts: RunFacts, findings: Sequence[Finding], figures: dict[str, Any]) 
         sensors=[_sensor_row(name, sensor) for name, sensor in figures["sensors"].items()],
         quality=", ".join(f"{word} {share:.1%}" for word, share in quality.items() if share),
         geometry=[_geometry_row(row) for row in figures["geometry"]],
-        events=[(f"{e['time_s']:.2f}", e["severity"], f"{e['source']}.{e['kind']}", e["reason"]) for e in events],
+        stages=[(name, *spread_cells(figures["timing"]["stages_ms"][name])) for name in by_length(figures)],
+        health=[_health_row(each) for each in figures["health"]],
+        events=[_event_row(event) for event in events],
     )
 
 
@@ -74,6 +70,7 @@ def rendered(template: str, **values: Any) -> str:
         keep_trailing_newline=True,
     )
     environment.filters["keys_marked"] = keys_marked
+    environment.filters["span"] = span_text
     return environment.get_template(template).render(values)
 
 
@@ -110,76 +107,29 @@ def _origin(facts: RunFacts) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def _marked(findings: Sequence[Finding], *beginnings: str) -> list[Interval]:
-    """When the findings of these kinds were, for shading."""
-    return [
-        interval for finding in findings if finding.kind.startswith(beginnings) for interval in finding.intervals[:40]
-    ]
+def by_length(figures: dict[str, Any]) -> list[str]:
+    """Stages of a tick, the longest first; those that were measured."""
+    stages = {name: known for name, known in figures["timing"]["stages_ms"].items() if known}
+    return sorted(stages, key=lambda name: -float(stages[name]["p50"]))
 
 
-def _timeline(facts: RunFacts, findings: Sequence[Finding]) -> Markup:
-    """A bar for every finding that has times, in one picture: what came together belongs together."""
-    rows = [
-        (finding.kind.replace("_", " "), finding.severity.value, finding.intervals)
-        for finding in findings
-        if finding.intervals
-    ]
-    return Markup(timeline(rows, facts.duration_s) if rows else "")
+def spread_cells(known: dict[str, float]) -> tuple[str, ...]:
+    """Median, 99 % and largest."""
+    return tuple(f"{known[name]:.3f}" for name in ("p50", "p99", "max"))
 
 
-def _where(facts: RunFacts) -> Drawings:
-    ticks = facts.ticks
-    lines = [
-        Line("odometry alone", ticks.odometry[:, 0], ticks.odometry[:, 1], "path-b"),
-        Line("published pose", ticks.estimated[:, 0], ticks.estimated[:, 1], "path-a"),
-    ]
-    known = np.isfinite(ticks.truth[:, 0])
-    if known.any():
-        lines.append(Line("truth", ticks.truth[:, 0], ticks.truth[:, 1], "path-c"))
-    if facts.landmarks is not None:
-        places_m = facts.landmarks.means_m
-        lines.insert(0, Line("landmarks", places_m[:, 0], places_m[:, 1], "q", dots=True))
-    drawings = {"Seen from above": Markup(map_plot(lines, "trajectory and landmarks"))}
-    if known.any():
-        errors = [
-            Line(name, ticks.times_s, np.hypot(*(poses[:, :2] - ticks.truth[:, :2]).T), style)
-            for name, poses, style in (
-                ("published pose", ticks.estimated, "a"),
-                ("odometry alone", ticks.odometry, "b"),
-            )
-        ]
-        drawings["Distance from the truth"] = Markup(time_plot(errors, "error, m"))
-    return drawings
+def _health_row(each: dict[str, Any]) -> tuple[str, ...]:
+    spans = spans_text([(start, end) for start, end in each["spans_s"]])
+    reasons = "; ".join(f"{reason} ({seconds:.1f} s)" for reason, seconds in each["reasons_s"].items())
+    return each["state"], f"{each['seconds']:.1f} s", f"{each['share']:.0%}", spans, reasons
 
 
-def _timing(facts: RunFacts, findings: Sequence[Finding]) -> Drawings:
-    ticks, marked = facts.ticks, _marked(findings, "missed")
-    late = [Line("lateness", ticks.times_s, ticks.lateness_ms, "a")]
-    stages = [
-        Line(name, ticks.times_s, values, "abc"[index % 3])
-        for index, (name, values) in enumerate(sorted(ticks.stages_ms.items(), reverse=True))
-    ]
-    return {
-        "Wake-up after the grid point": Markup(time_plot(late, "lateness, ms", marked)),
-        "Stages of a tick": Markup(time_plot(stages, "duration, ms")),
-    }
-
-
-def _sensors(facts: RunFacts, findings: Sequence[Finding]) -> Drawings:
-    times_s, of_laser = facts.scans.times_s, _marked(findings, "laser", "scan")
-    age = Line("age of the scan at its beat", times_s, facts.scans.age_s * 1e3, "a")
-    beams = [
-        Line("returned", times_s, facts.scans.returned_share * 100.0, "a"),
-        Line("rejected: not seen before at that place", times_s, facts.scans.moved_share * 100.0, "b"),
-    ]
-    good_s = facts.wheels.times_s[facts.wheels.valid]
-    spacing = Line("time between good samples", good_s[1:], np.diff(good_s) * 1e3, "a")
-    of_wheels = _marked(findings, "wheel", "odometry")
-    return {
-        "Laser: age of scans": Markup(time_plot([age], "age, ms", of_laser)),
-        "Laser: beams": Markup(time_plot(beams, "share, %", of_laser)),
-        "Wheels: spacing of samples": Markup(time_plot([spacing], "spacing, ms", of_wheels)),
-    }
+def _event_row(event: dict[str, Any]) -> tuple[str, ...]:
+    when, reason = f"{event['time_s']:.2f}", event["reason"]
+    if event["times"] > 1:
+        when = f"{event['time_s']:.1f}-{event['until_s']:.1f}"
+        reason = f"{event['times']} times, first: {reason}"
+    return when, event["severity"], f"{event['source']}.{event['kind']}", reason
 
 
 def _recognition_row(found: dict[str, Any]) -> tuple[object, ...]:
@@ -197,47 +147,6 @@ def _sensor_row(name: str, sensor: dict[str, Any]) -> tuple[object, ...]:
     rate = f"{sensor['usual_rate_hz']} Hz" if sensor["usual_rate_hz"] else ""
     silent = ", ".join(span_text((start, end)) for start, end in sensor["gaps_s"][:6]) or "never"
     return name, sensor["samples"], rate, silent
-
-
-def _filter(facts: RunFacts, findings: Sequence[Finding]) -> Drawings:
-    ticks, marked = facts.ticks, _marked(findings, "pose")
-    nothing = np.full(ticks.times_s.size, np.nan)
-
-    def counted(*names: str) -> list[Line]:
-        lines = []
-        for name, style in zip(names, ("a", "b", "c"), strict=False):
-            values = ticks.counts.get(name, nothing)
-            known = np.isfinite(values)
-            lines.append(Line(name.replace("_", " "), ticks.times_s[known], values[known], style))
-        return [line for line in lines if line.x.size]
-
-    sure = ticks.position_sd_m < 100.0
-    deviation = [
-        Line("standard deviation", ticks.times_s[sure], ticks.position_sd_m[sure], "a"),
-        Line("distance between both estimators", ticks.times_s, ticks.apart_m, "b"),
-    ]
-    drawings = {
-        "Position": Markup(time_plot([line for line in deviation if line.x.size], "distance, m", marked)),
-        "Effective particles": Markup(time_plot(counted("effective_particles"), "particles")),
-        "Features and matches in a scan": Markup(time_plot(counted("features", "matched"), "number")),
-        "Landmarks of the best particle": Markup(time_plot(counted("landmarks"), "number")),
-    }
-    if np.nan_to_num(ticks.counts.get("search_landmarks", nothing)).any():
-        searched = counted("search_odds", "search_mirror_odds", "search_landmarks")
-        drawings["Searching the known maps"] = Markup(time_plot(searched, "odds, landmarks"))
-    return drawings
-
-
-def _clock(facts: RunFacts) -> Drawings:
-    """Empty where the bytes of the laser were not recorded."""
-    clock = facts.device_clock
-    driven = clock.arrival_s >= 0.0
-    if not driven.any():
-        return {}
-    delay_ms = ((clock.arrival_s - clock.device_s) * 1e3)[driven]
-    line = Line("arrival", clock.arrival_s[driven], delay_ms - delay_ms.min(), "a")
-    drawing = Markup(time_plot([line], "arrival later than the fastest, ms"))
-    return {"Laser: arrival against its own counter": drawing}
 
 
 def _geometry_row(row: dict[str, Any]) -> tuple[str, ...]:

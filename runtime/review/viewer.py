@@ -38,17 +38,29 @@ def review_paths(folder: RunFolder, progress: Callable[[float], None] | None = N
     return folder.review_paths()
 
 
-def open_review(folder: RunFolder, web: bool = False, progress: Callable[[float], None] | None = None) -> int:
+def open_review(
+    folder: RunFolder, web: bool = False, progress: Callable[[float], None] | None = None, at_s: float | None = None
+) -> int:
     """Open the viewer and wait until it is closed; with `web` serve it to a browser on this machine.
 
+    at_s: where the native viewer stands then, s since the first tick.
     Returns the viewer's exit code. Raises ConfigurationError when the viewer is not installed.
     """
-    return subprocess.call(viewer_command(review_paths(folder, progress), web), env=viewer_environment())
+    port = free_port()
+    with subprocess.Popen(
+        viewer_command(review_paths(folder, progress), web, port), env=viewer_environment()
+    ) as viewer:
+        if at_s is not None:
+            from rerun.experimental import ViewerClient
+
+            client = _loaded_client(viewer, ViewerClient, f"rerun+http://{LOOPBACK}:{port}/proxy", None, ELAPSED)
+            client.set_time(ELAPSED, duration=at_s, play_state="paused")
+        return viewer.wait()
 
 
-def viewer_command(rrds: Sequence[Path], web: bool) -> list[str]:
+def viewer_command(rrds: Sequence[Path], web: bool, port: int) -> list[str]:
     """The viewer's command line: every port that it opens is one of the loopback."""
-    command = [viewer_path(), *map(str, rrds), "--bind", LOOPBACK, "--port", str(free_port())]
+    command = [viewer_path(), *map(str, rrds), "--bind", LOOPBACK, "--port", str(port)]
     return [*command, "--web-viewer", "--web-viewer-port", str(free_port())] if web else command
 
 
@@ -150,15 +162,19 @@ def headless_viewer(files: Sequence[Path], size: tuple[int, int], timeline: str 
             viewer.wait()
 
 
-def _loaded_client(viewer: "subprocess.Popen[bytes]", connector: Any, url: str, words: IO[bytes], timeline: str) -> Any:
+def _loaded_client(
+    viewer: "subprocess.Popen[bytes]", connector: Any, url: str, words: IO[bytes] | None, timeline: str
+) -> Any:
     """Connect, and wait until the file is loaded and its layout has views."""
     client: Any = None
     before = -1.0
     deadline_s = time.monotonic() + READY_S
     while time.monotonic() < deadline_s:
         if viewer.poll() is not None:
-            words.seek(0)
-            said = words.read().decode(errors="replace")
+            said = ""
+            if words is not None:
+                words.seek(0)
+                said = words.read().decode(errors="replace")
             raise ConfigurationError(NO_VULKAN if "adapter" in said else f"the viewer ended: {said.strip()[-300:]}")
         try:
             client = client or connector.connect(url)

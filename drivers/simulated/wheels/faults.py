@@ -33,8 +33,8 @@ class ActiveFault:
         return duration_ns > 0 and now_ns - self.since_ns >= duration_ns
 
     def affects(self, wheel: Wheel) -> bool:
-        """True where this wheel's frames are meant."""
-        return self.fault.wheel in ("both", wheel.value)
+        """True where this wheel's frames are meant; what silences the bus silences both."""
+        return self.fault.name in SILENCING or self.fault.wheel in ("both", wheel.value)
 
 
 def with_fault(

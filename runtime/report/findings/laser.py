@@ -2,38 +2,34 @@
 
 import numpy as np
 
-from drivers.measurements import Event, Severity
+from drivers.measurements import BoolArray, FloatArray, Severity
 from runtime.report.facts import RunFacts
-from runtime.report.finding import Finding, driver_reports, intervals_where, silences, span_text, spans_text, times_text
+from runtime.report.finding import (
+    Finding,
+    Interval,
+    driver_reports,
+    intervals_where,
+    silences,
+    span_text,
+    spans_text,
+    times_text,
+)
+from runtime.report.findings.laser_causes import SAID, around, restart_cause, silence_cause
 from runtime.report.findings.silence import while_recorded
 
+MISBEHAVES = ("the laser's clock misbehaves", "check laser.stamp_reference and the firmware")
+RESTART_S = 0.5  # until the first scan after a restart
 SILENT_S = 0.5  # five sweeps at 10 Hz: one or two lost sweeps are not silence
 SILENT_PERIODS = 5.0  # the same for slower lasers
 SILENT_ERROR_S = 10.0  # as slam.quality calls the pose lost then
 LOST_SHARE = 0.05  # of the sweeps; a laser and its cable lose none
-SLOW_SHARE = 0.9  # of the expected rate; a motor keeps its speed within 1 %
+EVEN_LEAST, EVEN_SHARE = 5, 0.8  # holes, and their share while there are any, that are a slow motor and no chance
 LATE_S = 0.25  # age at the beat; 0.1 s of sweep, at most one beat of waiting, and some of the network's
 LATE_SCANS_SHARE = 0.05
 OFTEN = 3  # events of a kind; a loaded host or one bit error gives one or two
 DRIFT_PPM = 300.0  # a crystal keeps 100 ppm
 DRIFT_LEAST_S = 0.02  # apart at the end: a busy host delays even the fastest arrivals by some milliseconds
 DRIFT_BENT = 0.15  # of the gain, off the straight line in the middle: a delay that sets in is no drift
-ADDRESS = "laser.url"
-CAUSES = {  # what the driver said around a silence, most telling first
-    "malfunctions": (
-        "the laser reported a malfunction that only a reboot ends",
-        "have it serviced if that happens again",
-    ),
-    "status_": ("the laser reported an internal fault", "look the status up in its manual, then have it serviced"),
-    "frozen_scans": ("the laser repeats the same ranges: its receiver or its motor is stuck", "switch it off and on"),
-    "stale_stamp": ("the laser's clock stands still", "switch the laser off and on, and update its firmware"),
-    "wrong_size": ("the laser answers another request than ours", "make sure that no other program talks to the laser"),
-    "checksum_errors": ("messages arrive damaged", "check the laser's cable and plug"),
-    "framing_errors": ("messages arrive incomplete", "check the laser's cable and plug"),
-    "garbage": ("bytes arrive that are not SCIP messages", "check that laser.url names the laser, and its baud rate"),
-    "clock_restarts": ("the laser lost power and came back", "check its power supply and plug"),
-    "connections": ("the connection broke and was made again", "check the laser's cable, plug and power"),
-}
 
 
 def laser_findings(facts: RunFacts) -> list[Finding]:
@@ -58,12 +54,8 @@ def _silent(facts: RunFacts) -> list[Finding]:
     if not intervals:
         return []
     longest = max(end - start for start, end in intervals)
-    around = [
-        event
-        for event in facts.events_of("laser")
-        if any(start - 1.0 <= facts.seconds(event.stamp_ns) <= end + 1.5 for start, end in intervals)
-    ]
-    cause, remedy = _cause(around)
+    said = around(facts, intervals)
+    cause, remedy = silence_cause(facts, intervals, said)
     return [
         Finding(
             "laser_silent",
@@ -71,7 +63,7 @@ def _silent(facts: RunFacts) -> list[Finding]:
             f"The laser sent no usable scan during {spans_text(intervals)}",
             (
                 f"none for up to {longest:.1f} s; silence counts from {least_s:.1f} s on",
-                *driver_reports(around),
+                *driver_reports(said),
             ),
             cause,
             remedy,
@@ -100,16 +92,6 @@ def _not_recorded(facts: RunFacts) -> list[Finding]:
     ]
 
 
-def _cause(around: list[Event]) -> tuple[str, str]:
-    for kind, advice in CAUSES.items():
-        if any(event.kind.startswith(kind) for event in around):
-            return advice
-    return (
-        "nothing arrives: the power or the cable failed, or the laser hangs",
-        f"check both, and that {ADDRESS} is right",
-    )
-
-
 def _damage(facts: RunFacts) -> list[Finding]:
     """Damage that came more than once or twice, and ranges that repeat."""
     findings = []
@@ -122,7 +104,7 @@ def _damage(facts: RunFacts) -> list[Finding]:
             continue
         times_s = np.array([facts.seconds(event.stamp_ns) for event in events])
         intervals = intervals_where(times_s, np.ones(len(times_s), dtype=np.bool_), 3.0)
-        cause, remedy = CAUSES[events[0].kind] if events[0].kind in CAUSES else CAUSES["framing_errors"]
+        cause, remedy = SAID[events[0].kind]
         often = len(events) >= OFTEN or name == "laser_frozen"
         severity = Severity.WARN if often else Severity.INFO
         evidence = (f"{len(events)} reports, at most one a second", *driver_reports(events, 2))
@@ -146,22 +128,31 @@ def _restarts(facts: RunFacts) -> list[Finding]:
     times_s = np.array([facts.seconds(event.stamp_ns) for event in events])
     intervals = intervals_where(times_s, np.ones(len(times_s), dtype=np.bool_), 2.0)
     at = f" at {times_text([start for start, _ in intervals])}" if intervals else ""
-    restarted = any(event.kind == "clock_restarts" for event in events)
+    stands = any(event.kind == "stale_stamp" for event in events)
+    restarted = any(event.kind == "clock_restarts" for event in events) and not stands
+    cause, remedy = restart_cause(around(facts, intervals)) if restarted or stands else MISBEHAVES
+    said = "the laser or its clock restarted" if restarted else "they stand still or run backwards"
     return [
         Finding(
             "scan_stamps_jump",
             Severity.WARN,
-            f"Scan stamps jumped{at}: {'the laser restarted' if restarted else 'they stand still or run backwards'}",
+            f"Scan stamps jumped{at}: {said}",
             (
                 *((f"the filter refused {refusals} scans for their stamp",) if refusals else ()),
                 *((f"the filter refused {ahead} scans from the future",) if ahead else ()),
                 *driver_reports(events),
             ),
-            "the laser was switched off and on, or reset itself" if restarted else "the laser's clock misbehaves",
-            "check the laser's power supply and plug" if restarted else "check laser.stamp_reference and the firmware",
-            intervals,
+            cause,
+            remedy,
+            _with_silences(facts, intervals),
         )
     ]
+
+
+def _with_silences(facts: RunFacts, intervals: tuple[Interval, ...]) -> tuple[Interval, ...]:
+    """A laser that restarts tells so when it is back: what happened began when it fell silent."""
+    quiet = silences(facts.scans.times_s, facts.duration_s, SILENT_S)
+    return tuple((min([start, *(s for s, e in quiet if s <= start <= e + RESTART_S)]), end) for start, end in intervals)
 
 
 def _rate(facts: RunFacts) -> list[Finding]:
@@ -178,8 +169,8 @@ def _rate(facts: RunFacts) -> list[Finding]:
     starts = facts.scans.times_s[:-1]
     intervals = intervals_where(starts, short & (missing > 0), 2.0, 1.0)
     arrived = _arrived_share(facts, period_s) > 1.0 - LOST_SHARE
-    even = bool(np.std(steps[short & (missing > 0)]) < 0.1 * period_s)
-    name = "laser_rate_low" if even and share > 0.3 else "laser_scans_lost"
+    even = _is_even(starts, steps, short & (missing > 0), period_s)
+    name = "laser_rate_low" if even else "laser_scans_lost"
     rate_hz = float(1.0 / np.mean(steps[short]))
     cause = "the motor turns too slowly, or the laser skips sweeps" if name == "laser_rate_low" else "sweeps get lost"
     return [
@@ -197,6 +188,17 @@ def _rate(facts: RunFacts) -> list[Finding]:
             intervals,
         )
     ]
+
+
+def _is_even(starts: FloatArray, steps: FloatArray, holes: BoolArray, period_s: float) -> bool:
+    """Whether the laser leaves out the same number of sweeps each time, for as long as it leaves out any."""
+    within = np.zeros(steps.size, dtype=np.bool_)
+    for start, end in intervals_where(starts, holes, 2.0, 1.0):
+        within |= (starts >= start) & (starts <= end)
+    if np.count_nonzero(within & holes) < EVEN_LEAST:
+        return False
+    periods = np.rint(steps[within] / period_s)
+    return float(np.mean(periods == np.median(periods))) >= EVEN_SHARE
 
 
 def _arrived_share(facts: RunFacts, period_s: float) -> float:

@@ -10,6 +10,8 @@ from slam.quality import UNCERTAIN_GAP_M
 
 STARTING_S = 2.0  # before the first scans nothing is known, and that is no fault
 BLIND_SCANS_S = 1.0  # of silence put a pose in doubt
+FLAPPING_S = 2.0  # doubts with shorter breaks between them are one
+BEFORE_LOST_S = 3.0  # a pose is doubted for so long before it counts as lost
 UNCERTAIN_S = 1.0  # shorter doubts pass with the next landmarks
 JUMP_M = 0.5  # in one beat beyond what the wheels say; a rover at 0.5 m/s moves 0.05
 JUMP_SIGMAS = 5.0
@@ -31,16 +33,11 @@ def pose_findings(facts: RunFacts) -> list[Finding]:
 def _quality(facts: RunFacts) -> list[Finding]:
     ticks, findings = facts.ticks, []
     late = ticks.times_s > STARTING_S
-    lost = ticks.quality >= QUALITIES.index("lost")
     for word, severity, least_s in (("uncertain", Severity.WARN, UNCERTAIN_S), ("lost", Severity.ERROR, 0.0)):
-        holds = (ticks.quality >= QUALITIES.index(word)) & late
-        lost_s = ticks.times_s[lost & late] if word == "uncertain" else np.empty(0)
-        intervals = tuple(
-            (start, end)
-            for start, end in intervals_where(ticks.times_s, holds, 0.35, least_s)
-            if not ((lost_s >= start) & (lost_s <= end)).any()  # a finding of its own
-        )
-        if not intervals:
+        holds = (ticks.quality == QUALITIES.index(word)) & late
+        intervals = intervals_where(ticks.times_s, holds, FLAPPING_S, least_s)
+        share = float(holds.mean())
+        if not intervals or (word == "uncertain" and not _stands_alone(facts, intervals)):
             continue
         inside = holds & np.isfinite(ticks.position_sd_m)
         cause, remedy = _doubt(facts, holds, intervals)
@@ -50,7 +47,8 @@ def _quality(facts: RunFacts) -> list[Finding]:
             Finding(
                 f"pose_{word}",
                 severity,
-                f"The pose was {word} during {spans_text(intervals)}",
+                f"The pose was {word} for {share * facts.duration_s:.1f} s, {share:.0%} of the run: "
+                f"{spans_text(intervals)}",
                 (
                     f"standard deviation up to {min(ticks.position_sd_m[inside].max(), 1e6):.2f} m; the two estimators "
                     f"were up to {ticks.apart_m[inside].max():.2f} m apart",
@@ -61,6 +59,13 @@ def _quality(facts: RunFacts) -> list[Finding]:
             )
         )
     return findings
+
+
+def _stands_alone(facts: RunFacts, intervals: tuple[Interval, ...]) -> bool:
+    """Whether a doubt was more than the way into being lost and out of it."""
+    lost_s = facts.ticks.times_s[facts.ticks.quality == QUALITIES.index("lost")]
+    edges = [((lost_s >= start - FLAPPING_S) & (lost_s <= end + FLAPPING_S)).any() for start, end in intervals]
+    return any(not edge or end - start > BEFORE_LOST_S for edge, (start, end) in zip(edges, intervals, strict=True))
 
 
 def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval, ...]) -> tuple[str, str]:

@@ -116,7 +116,18 @@ def _storage(facts: RunFacts) -> list[Finding]:
                 tuple((second, second) for second in at),
             )
         )
-    if facts.truncated:
+    if facts.recording:
+        findings.append(
+            Finding(
+                "recording",
+                Severity.INFO,
+                f"The run is still being recorded: these are its first {facts.duration_s:.0f} s",
+                ("what has been written so far is whole, or is being written",),
+                "infant run holds the file open",
+                "review it again when it has ended",
+            )
+        )
+    elif facts.truncated:
         torn = not any(word in facts.truncated for word in ("damaged record", "damaged chunk", "checksum"))
         findings.append(
             Finding(

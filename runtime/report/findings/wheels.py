@@ -1,39 +1,46 @@
 """What was wrong with the wheels and their bus: silence, an encoder that is stuck, damaged frames, a restart."""
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
 from drivers.measurements import Event, Severity
-from runtime.report.facts import RunFacts
-from runtime.report.finding import Finding, driver_reports, intervals_where, silences, spans_text, times_text
+from runtime.report.facts import RunFacts, StuckEncoder
+from runtime.report.finding import (
+    Finding,
+    Interval,
+    driver_reports,
+    intervals_where,
+    silences,
+    spans_text,
+    times_text,
+)
 from runtime.report.findings.silence import while_recorded
+from runtime.report.findings.wheel_causes import (
+    BACK_S,
+    BUS,
+    DAMAGE,
+    around,
+    encoders_text,
+    side_of,
+    silence_cause,
+    wheels_text,
+)
 from runtime.report.wheel_calibration import WINDOW_S
 
 SILENT_S = 0.5  # as slam.odometry.gap_s: from then on the motion is unknown
 SILENT_PERIODS = 5.0
 SILENT_ERROR_S = 10.0
+STUCK_REPORTS = 2  # told once a second; a wheel that is set down may give one
 OFTEN = 3  # reports of a kind; one bit error on a bus is no fault
-DAMAGE = {
-    "crc": "frames arrive damaged, or another node sends under this id",
-    "length": "the frames have another layout than configured",
-    "standard": "the frames have another layout than configured",
-    "extended": "the frames have another layout than configured",
-    "fd": "CAN FD frames arrive where classic ones are expected",
-    "remote": "another node requests frames under this id",
-    "two_senders": "two nodes send under one id",
-    "too_soon": "two nodes send under one id",
-    "alive_frozen": "the node's program hangs",
-    "status": "the node itself reports that its counts are not valid",
-    "speed_disagrees": "the encoder, its coupling or its magnet slips",
-    "lost_together": "the reader was held up, or the bus was interrupted",
-}
-BUS = ("bus_off", "bitrate", "error_passive", "error_warning", "restarted")
 
 
 def wheel_findings(facts: RunFacts) -> list[Finding]:
     """All of them, for runs with wheels."""
-    return [*_silent(facts), *_stuck(facts), *_damage(facts), *_misconfigured(facts), *_single_events(facts)]
+    known = [*_stuck(facts), *_silent(facts)]
+    explained = [interval for finding in known for interval in finding.intervals]
+    return [*known, *_damage(facts), *_misconfigured(facts), *_single_events(facts, explained)]
 
 
 def _silent(facts: RunFacts) -> list[Finding]:
@@ -55,25 +62,26 @@ def _silent(facts: RunFacts) -> list[Finding]:
                 intervals,
             )
         ]
-    around = [
-        event
-        for event in facts.events_of("encoders")
-        if any(start - 0.5 <= facts.seconds(event.stamp_ns) <= end + 0.5 for start, end in intervals)
-    ]
-    faults = [event for event in around if event.kind == "invalid" or event.kind in DAMAGE]
-    sides = {side for event in faults if (side := _side(event))}
+    said = around(facts, intervals, BACK_S)
+    if any(event.kind == "stuck" for event in said):
+        return []  # a count that stands still is refused, and is a finding of its own
+    faults = [event for event in said if event.kind == "invalid" or event.kind in DAMAGE]
+    sides = {side for event in faults if (side := side_of(event))}
     unheard = [event for event in facts.events_of("health") if "not heard so far" in event.reason]
     heard_of = [re.search(r"(left|right) wheel: not heard", event.reason) for event in unheard]
     sides |= {found.group(1) for found in heard_of if found is not None}
-    one = len(sides) == 1 and not any(event.kind in BUS for event in around)
-    who = f"The {sides.pop()} wheel encoder" if one else "The wheel encoders"
-    cause = _silence_cause(around, faults, one)
+    one = len(sides) == 1 and not any(event.kind in BUS for event in said)
+    sides = sides if one else {"left", "right"}
+    cause = silence_cause(said, faults, sides)
+    refused = any(event.kind in DAMAGE and event.kind != "lost_together" for event in faults)
+    what = "gave no usable counts" if refused else "stopped sending"
+    again = " and then restarted" if any(event.kind == "restart" for event in said) else ""
     return [
         Finding(
             "wheel_silent" if one else "odometry_silent",
             Severity.ERROR if longest >= SILENT_ERROR_S else Severity.WARN,
-            f"{who} stopped sending during {spans_text(intervals)}",
-            (f"no good wheel sample for up to {longest:.1f} s", *driver_reports([*around, *unheard])),
+            f"{encoders_text(sides)} {what} during {spans_text(intervals)}{again}",
+            (f"no good wheel sample for up to {longest:.1f} s", *driver_reports([*said, *unheard])),
             cause,
             "check its power and its cable"
             if one
@@ -84,38 +92,33 @@ def _silent(facts: RunFacts) -> list[Finding]:
 
 
 def _stuck(facts: RunFacts) -> list[Finding]:
-    return [
-        Finding(
-            "wheel_stuck",
-            Severity.WARN,
-            f"The {encoder.side} wheel encoder was stuck during {spans_text(encoder.intervals)}",
-            (
-                f"it did not count while the other wheel rolled {encoder.other_rolled_m:.2f} m in {WINDOW_S:.1f} s",
-                "the laser did not see a turn about this wheel",
-            ),
-            "the encoder's disc, coupling or channel has failed",
-            f"check the {encoder.side} encoder's coupling and channels; do not rely on the pose from then on",
-            encoder.intervals,
-        )
-        for encoder in facts.stuck_encoders
-    ]
+    """By the speed signal, where the nodes send one, or else by what the laser saw of the motion."""
+    events = facts.events_of("encoders", "stuck")
+    if len(events) < STUCK_REPORTS:
+        return [_stuck_finding({each.side}, each.intervals, _against_laser(each)) for each in facts.stuck_encoders]
+    times_s = np.array([facts.seconds(event.stamp_ns) for event in events])
+    intervals = intervals_where(times_s, np.ones(len(times_s), dtype=np.bool_), 3.0)
+    return [_stuck_finding({side_of(event) for event in events}, intervals, driver_reports(events))]
 
 
-def _silence_cause(around: list[Event], faults: list[Event], one: bool) -> str:
-    for event in around:
-        if event.kind in BUS:
-            return "the CAN bus is broken: wiring, termination or bit rate"
-    if any("counts_per_rev" in event.reason for event in faults):
-        return "its counts are refused because another node is configured"
-    for event in faults:
-        if event.kind in DAMAGE and event.kind != "lost_together":
-            return DAMAGE[event.kind]
-    return "this node lost power, or its cable came loose" if one else "both nodes lost power, or the bus is broken"
+def _against_laser(encoder: StuckEncoder) -> tuple[str, ...]:
+    return (
+        f"it did not count while the other wheel rolled {encoder.other_rolled_m:.2f} m in {WINDOW_S:.1f} s",
+        "the laser did not see a turn about this wheel",
+    )
 
 
-def _side(event: Event) -> str:
-    found = re.match(r"(left|right) wheel", event.reason)
-    return found.group(1) if found else ""
+def _stuck_finding(sides: set[str], intervals: tuple[Interval, ...], evidence: tuple[str, ...]) -> Finding:
+    was = "was" if len(sides) == 1 else "were"
+    return Finding(
+        "wheel_stuck",
+        Severity.WARN,
+        f"{encoders_text(sides)} {was} stuck during {spans_text(intervals)}",
+        evidence,
+        "the encoder's disc, coupling or channel has failed",
+        f"check coupling and channels of {wheels_text(sides)}; do not rely on the pose from then on",
+        intervals,
+    )
 
 
 def _damage(facts: RunFacts) -> list[Finding]:
@@ -127,7 +130,8 @@ def _damage(facts: RunFacts) -> list[Finding]:
         times_s = np.array([facts.seconds(event.stamp_ns) for event in events])
         intervals = intervals_where(times_s, np.ones(len(times_s), dtype=np.bool_), 3.0)
         reason = kind.replace("_", " ")
-        what = "Wheel frames were lost" if kind == "lost_together" else f"Wheel frames were refused ({reason})"
+        whose = wheels_text({side for event in events if (side := side_of(event))} or {"left", "right"})
+        what = "Wheel frames were lost" if kind == "lost_together" else f"Frames of {whose} were refused ({reason})"
         harmless = len(events) < OFTEN or kind == "lost_together"
         findings.append(
             Finding(
@@ -151,7 +155,7 @@ def _misconfigured(facts: RunFacts) -> list[Finding]:
         Finding(
             "wheel_misconfigured",
             Severity.ERROR,
-            f"The {_side(events[0])} wheel encoder has other counts per turn than configured".replace("  ", " "),
+            f"The {side_of(events[0])} wheel encoder has other counts per turn than configured".replace("  ", " "),
             driver_reports(events, 2),
             "another encoder or another gear than the configuration says",
             "set vehicle.counts_per_rev to what the node reports",
@@ -159,15 +163,15 @@ def _misconfigured(facts: RunFacts) -> list[Finding]:
     ]
 
 
-def _single_events(facts: RunFacts) -> list[Finding]:
-    """Things of which one is enough."""
+def _single_events(facts: RunFacts, explained: Sequence[Interval]) -> list[Finding]:
+    """Things of which one is enough. explained: times without counts, after which each wheel starts again."""
     findings = []
     for kinds, name, severity, title, cause, remedy in (
         (
             ("jump",),
             "wheel_jump",
             Severity.WARN,
-            "A wheel's count jumped",
+            "The count of {} jumped",
             "a disturbed or restarted encoder",
             "check shielding and supply of the encoder; see vehicle.max_speed_mps",
         ),
@@ -175,7 +179,7 @@ def _single_events(facts: RunFacts) -> list[Finding]:
             ("restart", "gap"),
             "wheel_node_restarted",
             Severity.WARN,
-            "A wheel node restarted",
+            "The node of {} restarted",
             "the node lost power or reset itself",
             "check the node's power supply and plug",
         ),
@@ -183,31 +187,39 @@ def _single_events(facts: RunFacts) -> list[Finding]:
             ("emergency",),
             "wheel_emergency",
             Severity.ERROR,
-            "A wheel node raised an alarm",
+            "The node of {} raised an alarm",
             "a fault of the node itself",
             "look the code up in the node's manual",
         ),
         (
-            BUS,
+            tuple(BUS),
             "can_bus",
             Severity.WARN,
             "The CAN bus had errors",
-            "wiring, termination or bit rate",
+            "",
             "check wiring and termination; see encoders.bus.bitrate",
         ),
     ):
-        events = facts.events_of("encoders", *kinds)
+        events = [e for e in facts.events_of("encoders", *kinds) if not _is_explained(facts, e, explained)]
         if events:
             at = sorted({round(facts.seconds(event.stamp_ns), 1) for event in events})
+            whose = wheels_text({side for event in events if (side := side_of(event))} or {"left", "right"})
+            of_bus = next((why for kind, why in BUS.items() if any(event.kind == kind for event in events)), "")
             findings.append(
                 Finding(
                     name,
                     severity,
-                    f"{title} at {times_text(at)}",
+                    f"{title.format(whose)} at {times_text(at)}",
                     driver_reports(events),
-                    cause,
+                    cause or of_bus,
                     remedy,
                     tuple((s, s) for s in at),
                 )
             )
     return findings
+
+
+def _is_explained(facts: RunFacts, event: Event, intervals: Sequence[Interval]) -> bool:
+    """A wheel whose counts were away starts again, and what it turned meanwhile looks like a jump."""
+    time_s = facts.seconds(event.stamp_ns)
+    return event.kind in ("gap", "jump") and any(a - 0.5 <= time_s <= b + 1.0 for a, b in intervals)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from drivers.canbus.frame import ERROR, CanFrame
+from drivers.events import EventLog
 from drivers.measurements import WheelCounts
 from drivers.settings.encoders import EncoderSettings, WheelSettings
 from drivers.settings.layouts import DbcLayout
@@ -57,6 +58,16 @@ def test_nothing_is_said_before_both_wheels_were_heard() -> None:
         pair.feed(frame(Wheel.LEFT, beat * PERIOD_NS, beat, 0, 0))
     pair.check(10**12)
     assert pair.take() == ()
+
+
+def test_two_wheels_that_fall_silent_are_both_named() -> None:
+    log = EventLog("encoders")
+    pair = WheelPair(SETTINGS, FRAMES, log)
+    run(pair, 50, 700_000)
+    pair.check(50 * PERIOD_NS + 1_000_000_000)
+    said = [event.reason.partition(":")[0] for event in log.drain() if event.kind == "invalid"]
+    assert said == ["left wheel", "right wheel"]
+    assert pair.trouble(50 * PERIOD_NS + 1_000_000_000).startswith("both wheels: silent")
 
 
 def test_a_wheel_that_is_silent_makes_invalid_samples_and_the_other_is_not_used_alone() -> None:

@@ -16,6 +16,7 @@ from runtime.record.header import RunHeader
 from runtime.record.mcap_file import RecordFile
 from runtime.review.layout import SLAM
 from runtime.review.viewer import (
+    free_port,
     headless_viewer,
     reported_errors,
     review_paths,
@@ -81,7 +82,7 @@ def test_every_view_is_there_and_reports_no_error(run: RunFolder) -> None:
 @pytest.mark.browser
 def test_the_viewer_in_the_browser_listens_on_the_loopback_only(run: RunFolder) -> None:
     environment = {**viewer_environment(), "BROWSER": "true"}  # a browser that does nothing
-    viewer = subprocess.Popen(viewer_command(review_paths(run), web=True), env=environment)
+    viewer = subprocess.Popen(viewer_command(review_paths(run), True, free_port()), env=environment)
     try:
         assert until(lambda: len(listening_addresses(viewer.pid)) >= 2)
         assert set(listening_addresses(viewer.pid)) == {"0100007F"}
@@ -115,7 +116,7 @@ def test_a_missing_review_is_made_from_the_record(run: RunFolder) -> None:
 def test_no_viewer_is_one_sentence(run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("runtime.review.viewer.find_spec", lambda name: None)
     with pytest.raises(ConfigurationError, match="install the package rerun-sdk"):
-        viewer_command(review_paths(run), web=False)
+        viewer_command(review_paths(run), False, 9876)
 
 
 @pytest.mark.browser

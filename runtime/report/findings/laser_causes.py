@@ -1,0 +1,93 @@
+"""Why the laser gave no scans, by what its driver said around that time."""
+
+from collections.abc import Sequence
+
+from drivers.measurements import Event
+from runtime.report.facts import RunFacts
+from runtime.report.finding import Interval
+
+Advice = tuple[str, str]
+BEFORE_S, AFTER_S = 2.0, 1.5  # around a silence: what led to it, and what the driver found when it was over
+BROKEN = ("broke", "closed the connection", "nothing listens", "no route", "unreachable")
+POWER: Advice = ("the laser was switched off and on, or lost power", "check the laser's power supply and plug")
+RESET: Advice = (
+    "the laser's clock was reset while it went on measuring: its firmware, as it kept its connection",
+    "update the laser's firmware; see laser.stamp_reference",
+)
+STANDS: Advice = ("the laser's clock stands still", "switch the laser off and on, and update its firmware")
+MALFUNCTION: Advice = (
+    "the laser reported a malfunction that only a reboot ends",
+    "have it serviced if that happens again",
+)
+LOST: Advice = (
+    "messages get lost on the way: a loose plug, interference, or a network that is too busy",
+    "connect the laser by a cable of its own, and check its plug",
+)
+LINK: Advice = ("the connection broke and was made again", "check the laser's cable, plug and power; see laser.url")
+HANGS: Advice = (
+    "the laser stays connected and sends nothing: it hangs",
+    "switch it off and on; update its firmware if that happens again",
+)
+NOTHING: Advice = (
+    "nothing arrives: the power or the cable failed, or the laser hangs",
+    "check both, and that laser.url is right",
+)
+SAID = {  # kind of event, as far as it begins so: advice; the most telling first
+    "malfunctions": MALFUNCTION,
+    "status_": ("the laser reported an internal fault", "look the status up in its manual, then have it serviced"),
+    "frozen_scans": (
+        "the laser repeats the same ranges: its receiver or its motor is stuck",
+        "switch it off and on",
+    ),
+    "stale_stamp": STANDS,
+    "wrong_size": ("the laser answers another request than ours", "make sure that no other program talks to the laser"),
+    "checksum_errors": ("messages arrive damaged", "check the laser's cable and plug"),
+    "not_scip": ("bytes arrive that are not SCIP messages", "check that laser.url names the laser, and its baud rate"),
+    "framing_errors": ("messages arrive incomplete", "check the laser's cable and plug"),
+    "torn_messages": ("messages arrive incomplete", "check the laser's cable and plug"),
+    "garbage": (
+        "scans arrive incomplete, while the laser answers questions as it should",
+        "check the laser's cable and plug",
+    ),
+    "clock_restarts": POWER,
+}
+
+
+def around(facts: RunFacts, intervals: Sequence[Interval]) -> list[Event]:
+    """What the laser's driver said shortly before, during and shortly after these times."""
+    return [
+        event
+        for event in facts.events_of("laser")
+        if any(start - BEFORE_S <= facts.seconds(event.stamp_ns) <= end + AFTER_S for start, end in intervals)
+    ]
+
+
+def silence_cause(facts: RunFacts, intervals: Sequence[Interval], events: Sequence[Event]) -> Advice:
+    """Cause and remedy of silences, events: what was said around them."""
+    for kind, advice in SAID.items():
+        if any(event.kind.startswith(kind) for event in events):
+            return advice
+    if link_broke(events):
+        return LINK
+    if any(_led_to(facts, event, start) for event in events for start, _ in intervals):
+        return LOST
+    return HANGS if any(event.kind in ("silences", "no_answer") for event in events) else NOTHING
+
+
+def restart_cause(events: Sequence[Event]) -> Advice:
+    """Cause and remedy of a clock that began anew, events: what was said around that time."""
+    if any(event.kind == "stale_stamp" for event in events):
+        return STANDS
+    if any(event.kind == "malfunctions" for event in events):
+        return MALFUNCTION
+    return POWER if link_broke(events) else RESET
+
+
+def link_broke(events: Sequence[Event]) -> bool:
+    """Whether the connection itself ended."""
+    return any(event.kind == "link_errors" and any(word in event.reason for word in BROKEN) for event in events)
+
+
+def _led_to(facts: RunFacts, event: Event, start_s: float) -> bool:
+    """Whether scans got lost one by one before all stayed away."""
+    return event.kind == "dropped_scans" and start_s - BEFORE_S <= facts.seconds(event.stamp_ns) <= start_s + 0.2

@@ -1,0 +1,75 @@
+"""Why a wheel gave no counts, by what the driver said around that time."""
+
+import re
+from collections.abc import Collection, Sequence
+
+from drivers.measurements import Event
+from runtime.report.facts import RunFacts
+from runtime.report.finding import Interval
+
+LAYOUT = "the frames have another layout than configured"
+DAMAGE = {
+    "crc": "frames arrive damaged, or another node sends under this id",
+    "length": f"frames have another length than the layout says: {LAYOUT}",
+    "standard": f"frames have 11-bit ids where 29 bits are expected: {LAYOUT}",
+    "extended": f"frames have 29-bit ids where 11 bits are expected: {LAYOUT}",
+    "fd": "CAN FD frames arrive where classic ones are expected",
+    "remote": "another node requests frames under this id",
+    "two_senders": "two nodes send under one id",
+    "too_soon": "two nodes send under one id",
+    "alive_frozen": "the node's program hangs",
+    "status": "the node itself reports that its counts are not valid",
+    "speed_disagrees": "the encoder, its coupling or its magnet slips",
+    "lost_together": "the reader was held up, or the bus was interrupted",
+}
+BUS = {  # kind of event: cause; the gravest first
+    "bus_off": "the CAN controller went off the bus after too many errors: wiring, termination or bit rate",
+    "passive": "the CAN controller is error-passive: wiring, termination or bit rate of the bus",
+    "warning": "the CAN controller is at its error-warning limit: wiring or termination of the bus",
+    "bitrate": "the CAN bus carries only errors: another bit rate than configured, or broken wiring",
+    "restarted": "the CAN bus was interrupted: wiring or termination",
+}
+BEFORE_S, AFTER_S = 0.5, 0.5
+BACK_S = 2.0  # a node tells of its restart once a second
+
+
+def around(facts: RunFacts, intervals: Sequence[Interval], after_s: float = AFTER_S) -> list[Event]:
+    """What the encoders' driver said around these times."""
+    return [
+        event
+        for event in facts.events_of("encoders")
+        if any(start - BEFORE_S <= facts.seconds(event.stamp_ns) <= end + after_s for start, end in intervals)
+    ]
+
+
+def side_of(event: Event) -> str:
+    """Left or right; "" for an event of the bus."""
+    found = re.match(r"(left|right) wheel", event.reason)
+    return found.group(1) if found else ""
+
+
+def wheels_text(sides: Collection[str]) -> str:
+    """The left wheel, the right wheel, both wheels."""
+    return f"the {next(iter(sides))} wheel" if len(sides) == 1 else "both wheels"
+
+
+def encoders_text(sides: Collection[str]) -> str:
+    """The left wheel encoder, or both."""
+    return f"The {next(iter(sides))} wheel encoder" if len(sides) == 1 else "Both wheel encoders"
+
+
+def silence_cause(events: Sequence[Event], faults: Sequence[Event], sides: Collection[str]) -> str:
+    """Of counts that stayed away. faults: those of the events that say that a wheel could not be used."""
+    for kind, cause in BUS.items():
+        if any(event.kind == kind for event in events):
+            return cause
+    if any("counts_per_rev" in event.reason for event in faults):
+        return "its counts are refused because another node is configured"
+    for event in faults:
+        if event.kind in DAMAGE and event.kind != "lost_together":
+            return DAMAGE[event.kind]
+    if any(event.kind == "restart" for event in events):
+        return "the node lost power: it began anew when it was back"
+    if len(sides) == 1:
+        return "this node lost power, or its cable came loose"
+    return "both nodes lost power, or the bus is broken"

@@ -1,0 +1,76 @@
+from dataclasses import replace
+
+import pytest
+
+from drivers.measurements import Event, Severity
+from runtime.report.causality import ordered
+from runtime.report.facts import RunFacts
+from runtime.report.finding import Finding
+from runtime.report.findings.wheels import wheel_findings
+from tests.support.runtime.seeded_runs import seeded_facts
+
+START_S, END_S = 4.0, 6.0
+
+
+@pytest.fixture(scope="module")
+def facts(tmp_path_factory: pytest.TempPathFactory) -> RunFacts:
+    """A run of 8 s in which no wheel sample is good from START_S to END_S."""
+    made = seeded_facts(tmp_path_factory.mktemp("run"), 1, duration_s=8.0)
+    inside = (made.wheels.times_s > START_S) & (made.wheels.times_s < END_S)
+    return replace(made, wheels=replace(made.wheels, valid=made.wheels.valid & ~inside))
+
+
+def _told(facts: RunFacts, *said: tuple[float, str, str]) -> list[Finding]:
+    events = [Event(facts.origin_ns + round(s * 1e9), "encoders", kind, why, Severity.WARN) for s, kind, why in said]
+    return ordered(wheel_findings(replace(facts, events=tuple(events))))
+
+
+def test_two_silent_wheels_are_not_called_one(facts: RunFacts) -> None:
+    silent = "wheel: silent: no good frame for 0.2 s; check power and cable of the node"
+    both = _told(facts, (4.2, "invalid", f"left {silent}"), (4.2, "invalid", f"right {silent}"))
+    assert both[0].title.startswith("Both wheel encoders stopped sending")
+    (one,) = _told(facts, (4.2, "invalid", f"right {silent}"))
+    assert one.title.startswith("The right wheel encoder stopped sending")
+
+
+def test_a_count_that_stands_still_is_no_loss_of_power(facts: RunFacts) -> None:
+    stands = "left wheel: the count stands still while the speed signal does not; check the encoder"
+    told = _told(facts, (4.0, "stuck", stands), (4.1, "gap", "left wheel: starts again"), (5.0, "stuck", stands))
+    assert [finding.kind for finding in told] == ["wheel_stuck"]
+    assert told[0].title.startswith("The left wheel encoder was stuck during 4.0-5.0 s")
+
+
+def test_a_node_that_was_off_restarts_because_of_that(facts: RunFacts) -> None:
+    told = _told(
+        facts,
+        (4.2, "invalid", "left wheel: silent: no good frame for 0.2 s"),
+        (6.1, "gap", "left wheel: starts again"),
+        (6.5, "restart", "left wheel: the node has restarted 500 ms ago"),
+    )
+    assert told[0].kind == "wheel_silent"
+    assert "and then restarted" in told[0].title
+    assert "lost power" in told[0].cause
+    assert [finding.follows for finding in told[1:]] == ["wheel_silent"]
+
+
+def test_frames_that_are_refused_do_arrive(facts: RunFacts) -> None:
+    why = "right wheel: frames have another length than the layout says; check the layout"
+    told = _told(facts, *((4.0 + n, "length", why) for n in range(3)), (4.2, "invalid", why))
+    assert told[0].title.startswith("The right wheel encoder gave no usable counts")
+    assert "another length" in told[0].cause
+
+
+@pytest.mark.parametrize(
+    ("kind", "word"), [("bus_off", "off the bus"), ("passive", "error-passive"), ("bitrate", "bit rate")]
+)
+def test_a_bus_in_trouble_is_named_and_no_wheel(facts: RunFacts, kind: str, word: str) -> None:
+    told = _told(facts, (4.0, kind, "CAN bus: trouble"), (4.2, "invalid", "left wheel: silent: no good frame"))
+    assert told[0].kind == "odometry_silent"
+    assert word in told[0].cause
+
+
+def test_no_effect_is_told_to_come_before_its_cause() -> None:
+    early = Finding("pose_lost", Severity.ERROR, "", (), "", "", ((1.0, 2.0),))
+    cause = Finding("laser_silent", Severity.WARN, "", (), "", "", ((3.0, 4.0),))
+    assert not ordered([early, cause])[0].follows
+    assert ordered([replace(early, intervals=((3.5, 4.5),)), cause])[1].follows == "laser_silent"
