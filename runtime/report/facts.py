@@ -11,8 +11,8 @@ from runtime.calibrate.drive_data import DriveData
 from runtime.calibrate.result import Calibration
 from runtime.calibrate.scans.orientation import AS_BELIEVED, Orientation
 from runtime.evaluate.smoothed import SmoothedResult
+from runtime.maps.scan_picture import ScanPicture
 from runtime.messages.tick import Gap
-from runtime.report.plots.scan_picture import ScanPicture
 from runtime.settings.configuration import Configuration
 from slam.estimate import LandmarkMap
 

@@ -16,6 +16,7 @@ from runtime.evaluate.smoothed import read_smoothed
 from runtime.evaluate.truth import DataSetTruth
 from runtime.map_files.start import recorded_start
 from runtime.maps.placed_scans import at_scan, place, twist_between
+from runtime.maps.scan_picture import ScanCells
 from runtime.messages.decoding import decoded
 from runtime.printable import printable
 from runtime.record.reader import RecordedTick, RunReader
@@ -23,7 +24,6 @@ from runtime.record.room import is_being_written
 from runtime.record.trajectories import Trajectories, with_estimates
 from runtime.report.device_clock import DeviceClockReader
 from runtime.report.facts import QUALITIES, RunFacts, ScanColumns, TickColumns, WheelColumns
-from runtime.report.plots.scan_picture import ScanCells
 from runtime.settings.configuration import Configuration, load_configuration_text
 from runtime.tick import of_its_time
 from slam.estimate import Estimate, LandmarkMap, Quality

@@ -16,8 +16,8 @@ from bokeh.resources import Resources
 from markupsafe import Markup
 
 from drivers.measurements import FloatArray
+from runtime.maps.scan_picture import ScanPicture
 from runtime.report.finding import Interval
-from runtime.report.plots.scan_picture import ScanPicture
 
 MOST_POINTS = 1500  # of a curve; every bin keeps its least and its greatest
 MOST_PLACES = 4000  # of a path

@@ -4,7 +4,7 @@ from base64 import b64decode
 import numpy as np
 from PIL import Image
 
-from runtime.report.plots.scan_picture import APART_NS, CELL_M, MOST_PIXELS, ScanCells, ScanPicture
+from runtime.maps.scan_picture import APART_NS, CELL_M, MOST_PIXELS, ScanCells, ScanPicture
 
 
 def _pixels(picture: ScanPicture) -> np.ndarray:
