@@ -1,6 +1,7 @@
 # make run   sets up and drives the simulated rover for a minute
 # make test  sets up and passes the tests (lint, types, tests)
 # make fuzz  looks for inputs that no property test has drawn yet, 20 times as many, and prints those that fail
+# make mutations  tries 5000 and more hostile files, replies, frames and payloads of each kind, and prints how many hurt
 # make sbom  writes what an installation consists of, with hashes: build/sbom.cdx.json (CycloneDX)
 # make audit asks for known weaknesses in what is pinned; says so where no service answers
 PYTHON ?= python3
@@ -10,7 +11,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 export OPENBLAS_NUM_THREADS := 1
 export RERUN_ANALYTICS := off
 
-.PHONY: run test check lint types fuzz sbom audit bench soak faults browser system ros docs lock clean help
+.PHONY: run test check lint types fuzz mutations sbom audit bench soak faults browser system ros docs lock clean help
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -31,6 +32,9 @@ types: $(VENV)/.installed-dev
 
 fuzz: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -m hypothesis --hypothesis-profile=fuzz --timeout=0 $(ARGS)
+
+mutations: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.support.mutations $(ARGS)
 
 sbom: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.support.sbom build/sbom.cdx.json

@@ -22,7 +22,7 @@ from runtime.maps.grid_message import GRID, grid_bytes
 from runtime.messages.tick import decode
 from runtime.printable import printable
 from runtime.publish.rover_status import ROVER
-from runtime.publish.session import short_reason, tool_config
+from runtime.publish.session import short_reason, tool_session
 from runtime.settings.configuration import load_configuration_text
 from slam.front_end.deskew import Twist, deskew
 from slam.maps.occupancy_grid import OccupancyGrid
@@ -127,30 +127,33 @@ def publish_live_grid(
     if not ROVER.fullmatch(rover):
         raise UsageError(f"--rover {rover!r}: expected a name of 1 to 32 letters, digits, - and _")
     try:
-        session = zenoh.open(tool_config(endpoint, config_file))
+        with tool_session(endpoint, config_file) as session:
+            live = LiveGrid(_settings_of(session, endpoint, rover), resolution_m)
+            return _publish(session, rover, live, stop, said)
     except zenoh.ZError as error:
         raise SensorError(f"{endpoint}: no connection ({short_reason(error)}); give --connect and --zenoh") from error
-    with session:
-        live = LiveGrid(_settings_of(session, endpoint, rover), resolution_m)
-        waiting: queue.Queue[tuple[str, bytes]] = queue.Queue(MOST_WAITING)
-        for name in ("pose", "scan"):
-            session.declare_subscriber(f"infant/{rover}/{name}", _into(waiting, name))
-        publisher = session.declare_publisher(
-            f"infant/{rover}/grid",
-            encoding=zenoh.Encoding(f"application/cdr;{GRID}"),
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.DATA_LOW,
-        )
-        sent, troubles, next_s = 0, 0, time.monotonic() + GRID_S
-        while not stop.is_set():
-            with suppress(queue.Empty):
-                live.take(*waiting.get(timeout=WAKE_S))
-            for text in list(live.troubles.values())[troubles:]:
-                troubles += 1
-                said.write(f"infant: {text}\n")
-            if time.monotonic() >= next_s and live.grid.scans:
-                publisher.put(grid_bytes(live.grid.grid_map(), time.time_ns()))
-                sent, next_s = sent + 1, time.monotonic() + GRID_S
+
+
+def _publish(session: zenoh.Session, rover: str, live: LiveGrid, stop: threading.Event, said: TextIO) -> int:
+    waiting: queue.Queue[tuple[str, bytes]] = queue.Queue(MOST_WAITING)
+    for name in ("pose", "scan"):
+        session.declare_subscriber(f"infant/{rover}/{name}", _into(waiting, name))
+    publisher = session.declare_publisher(
+        f"infant/{rover}/grid",
+        encoding=zenoh.Encoding(f"application/cdr;{GRID}"),
+        congestion_control=zenoh.CongestionControl.DROP,
+        priority=zenoh.Priority.DATA_LOW,
+    )
+    sent, troubles, next_s = 0, 0, time.monotonic() + GRID_S
+    while not stop.is_set():
+        with suppress(queue.Empty):
+            live.take(*waiting.get(timeout=WAKE_S))
+        for text in list(live.troubles.values())[troubles:]:
+            troubles += 1
+            said.write(f"infant: {text}\n")
+        if time.monotonic() >= next_s and live.grid.scans:
+            publisher.put(grid_bytes(live.grid.grid_map(), time.time_ns()))
+            sent, next_s = sent + 1, time.monotonic() + GRID_S
     return sent
 
 
@@ -158,7 +161,8 @@ def _settings_of(session: zenoh.Session, endpoint: str, rover: str) -> SlamSetti
     """Where the laser sits, from the configuration that the rover says it has."""
     for reply in session.get(f"infant/{rover}/configuration", timeout=ASK_S):
         if reply.ok is not None:
-            return load_configuration_text(reply.ok.payload.to_string(), source=f"configuration of {rover}").slam
+            text = reply.ok.payload.to_bytes().decode(errors="replace")
+            return load_configuration_text(text, source=f"configuration of {rover}").slam
     raise SensorError(f"{rover} does not answer at {endpoint}; is infant run running, and is this its name?")
 
 

@@ -15,7 +15,7 @@ from runtime.commands import Command, CommandQueue
 from runtime.errors import SensorError
 from runtime.printable import printable
 from runtime.publish.access import LARGEST_MESSAGE
-from runtime.publish.session import short_reason, tool_config
+from runtime.publish.session import short_reason, tool_session
 
 JSON = zenoh.Encoding("application/json")
 ASK_S = 3.0
@@ -52,7 +52,7 @@ def send_command(
     """
     key = command_key(rover, command)
     try:
-        with zenoh.open(tool_config(endpoint, config_file)) as session:
+        with tool_session(endpoint, config_file) as session:
             for reply in session.get(key, payload=reason.encode(), timeout=timeout_s):
                 said = reply.ok or reply.err
                 if said is None or len(said.payload) > LARGEST_MESSAGE:

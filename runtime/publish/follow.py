@@ -10,7 +10,7 @@ import zenoh
 
 from runtime.errors import SensorError
 from runtime.publish.find_rover import FoundRover
-from runtime.publish.session import LARGEST_ANSWER, short_reason, tool_config
+from runtime.publish.session import LARGEST_ANSWER, short_reason, tool_session
 
 MOST_WAITING = 500  # messages; when a tool is slower than its rover the newest are lost
 ASK_S = 2.0
@@ -75,9 +75,8 @@ class Follower:
 def following(rover: FoundRover, names: Iterable[str], config_file: str | None = None) -> Iterator[Follower]:
     """A session for as long as the tool runs; zenoh connects again by itself. Raises SensorError."""
     try:
-        session = zenoh.open(tool_config(rover.endpoint, config_file))
+        with tool_session(rover.endpoint, config_file) as session:
+            yield Follower(session, rover.name, names)
     except zenoh.ZError as error:
         why = short_reason(error)
         raise SensorError(f"{rover.endpoint}: no connection ({why}); give --connect and --zenoh") from error
-    with session:
-        yield Follower(session, rover.name, names)

@@ -2,7 +2,8 @@
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import zenoh
@@ -56,6 +57,20 @@ def tool_config(endpoint: str, config_file: str | None = None) -> zenoh.Config:
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     config.insert_json5("connect/retry", RETRY)
     return config
+
+
+@contextmanager
+def tool_session(endpoint: str, config_file: str | None = None) -> Iterator[zenoh.Session]:
+    """A session of a tool for as long as it is used; that no goodbye can be said in time is no trouble of the tool's.
+
+    Raises zenoh.ZError where nobody listens there, ConfigurationError.
+    """
+    session = zenoh.open(tool_config(endpoint, config_file))
+    try:
+        yield session
+    finally:
+        with suppress(zenoh.ZError):  # a peer or a router that is flooded does not answer within zenoh's 10 s
+            session.close()  # type: ignore[no-untyped-call]
 
 
 def open_rover_session(settings: PublishSettings, rover: str) -> tuple[zenoh.Session, tuple[str, ...]]:

@@ -5,13 +5,14 @@ import re
 import socket
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from itertools import islice
 from typing import Any
 
 import zenoh
 
 from runtime.publish.rover_status import believed
-from runtime.publish.session import tool_config
+from runtime.publish.session import tool_session
 from runtime.sensor_report import sensor_lines
 from runtime.settings.configuration import Configuration
 
@@ -42,11 +43,10 @@ def fetch_status(
     """
     found: dict[tuple[str, str], Status] = {}
     for endpoint in connect:
-        try:
-            session = zenoh.open(tool_config(endpoint, config_file))
-        except zenoh.ZError:
-            continue  # nobody listens there, which is how most of these endpoints are
-        with session:
+        with (
+            suppress(zenoh.ZError),  # nobody listens there, which is how most of these endpoints are
+            tool_session(endpoint, config_file) as session,
+        ):
             for reply in islice(session.get(STATUS_KEY, timeout=timeout_s, consolidation=EVERY_ANSWER), MOST_ANSWERS):
                 if reply.ok is None:
                     continue

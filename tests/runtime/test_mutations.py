@@ -1,16 +1,18 @@
 """Whatever a configuration, a run or a manifest holds, it is read or refused by an error of the family, and soon.
 
-`make test` draws a few, `make fuzz` twenty times as many.
+`make test` draws a few, `make fuzz` twenty times as many; `make mutations` tries thousands on the commands themselves.
 """
 
 import json
 import random
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest import mock
 
 import pytest
 from hypothesis import given
@@ -30,8 +32,10 @@ from runtime.service.memory import resident_mb
 from runtime.settings.configuration import load_configuration, load_configuration_text
 from runtime.source_tree import CONFIG
 from tests.support.examples import examples
+from tests.support.mutations.__main__ import KINDS, tried
+from tests.support.mutations.commands import run_batches
+from tests.support.mutations.files import mutated_bytes, mutated_text, mutated_ticks
 from tests.support.runtime.hostile_runs import write_manifest
-from tests.support.runtime.mutations import mutated_bytes, mutated_text, mutated_ticks
 from tests.support.runtime.seeded_runs import seeded_facts
 
 LONGEST_S = 10.0  # of the processor, which others may keep busy; what hangs ends by the limit of pytest
@@ -58,6 +62,29 @@ def complaint(load: Callable[[], object]) -> str:
     except ConfigurationError as error:
         return str(error)
     return ""
+
+
+def test_a_command_that_is_hurt_is_counted() -> None:
+    """`make mutations` would prove nothing without."""
+
+    def hurt(rng: random.Random, folder: Path) -> list[str]:
+        return ["check", "--config", rng.choice(["mock", "\0"]), f"--set=seed={rng.choice(['1', 'x', '2'])}"]
+
+    def defect() -> None:
+        sys.exit(70 if "mock" in sys.argv else 3)
+
+    with mock.patch("tests.support.mutations.commands.main", defect):
+        tally = next(run_batches(hurt, range(20)))
+    assert tally.tried == 20
+    assert tally.codes.keys() == {3, 70}
+    assert len(tally.hurt["exit 70"]) == tally.codes[70]
+
+
+@pytest.mark.parametrize("kind", [name for name in KINDS if name != "runs"])
+def test_a_share_of_each_kind_hurts_nothing(kind: str) -> None:
+    tally = tried(kind, 0, 0.004)
+    assert tally.tried >= 20
+    assert not any(tally.hurt.values()), tally.hurt
 
 
 @given(SEEDS)

@@ -114,10 +114,10 @@ def open_files() -> Counter[str]:
     return found
 
 
-def kept_waiting_s() -> float:
-    """Of all threads, since each began; 0 where the kernel does not tell (schedstat)."""
+def kept_waiting_s(pid: int | None = None) -> float:
+    """Of all threads of a process, this one by default, since each began; 0 where no schedstat tells it."""
     waited_ns = 0
-    for thread in THREADS.iterdir():
+    for thread in THREADS.iterdir() if pid is None else Path(f"/proc/{pid}/task").iterdir():
         with suppress(OSError, IndexError, ValueError):  # a thread that has just ended; a kernel without the file
             waited_ns += int((thread / "schedstat").read_text().split()[1])
     return waited_ns * 1e-9

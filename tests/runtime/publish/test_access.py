@@ -7,13 +7,14 @@ from typing import Any
 import pytest
 import zenoh
 
-from runtime.errors import ConfigurationError
+from runtime.commands import Command
+from runtime.errors import ConfigurationError, SensorError
 from runtime.publish.access import LARGEST_MESSAGE, command_trouble
+from runtime.publish.commands import send_command
 from runtime.publish.session import rover_config, tool_config
 from runtime.publish.status import fetch_status
-from runtime.service.memory import resident_mb
 from runtime.source_tree import CONFIG
-from tests.support.zenoh.wire import free_port, opened, publishing, put_ticks, settings_on, start_module, until
+from tests.support.zenoh.wire import free_port, opened, publishing, put_ticks, settings_on, until
 
 QUERY = {
     "id": "q",
@@ -102,6 +103,22 @@ def test_a_file_that_would_end_the_process_is_refused(tmp_path: Path, content: b
         tool_config("tcp/127.0.0.1:1", str(path))
 
 
+def test_a_router_that_never_says_goodbye_is_no_trouble_of_who_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As seen through a router that is flooded: closing timed out, and `infant status` ended with a traceback."""
+
+    class Flooded:
+        def get(self, *_: object, **__: object) -> list[zenoh.Reply]:
+            return []
+
+        def close(self) -> None:
+            raise zenoh.ZError("close operation timed out!")
+
+    monkeypatch.setattr(zenoh, "open", lambda _: Flooded())
+    assert fetch_status(["tcp/127.0.0.1:1"]) == []
+    with pytest.raises(SensorError, match="does not answer"):
+        send_command("tcp/127.0.0.1:1", "r1", Command.SAVE, "")
+
+
 def test_nobody_speaks_in_the_name_of_a_rover_through_the_rover() -> None:
     port = free_port()
     with publishing(settings_on(port)) as publisher:
@@ -138,21 +155,3 @@ def test_a_question_with_a_large_payload_is_dropped_before_it_is_whole() -> None
             assert until(lambda: answers(b"whatever it says", 1.0))
             assert not answers(bytes(4 * LARGEST_MESSAGE), 0.3)
             assert until(lambda: answers(b"", 1.0))
-
-
-@pytest.mark.soak
-def test_three_peers_that_ask_and_put_900_mb_cost_little_memory_and_no_good_answer() -> None:
-    port = free_port()
-    endpoint = f"tcp/127.0.0.1:{port}"
-    with publishing(settings_on(port)) as publisher:
-        assert opened(publisher)
-        put_ticks(publisher, range(12), 0.0)
-        before_mb = peak_mb = resident_mb()
-        flooders = [start_module("tests.support.zenoh.flooder", endpoint, "900", "60") for _ in range(3)]
-        asked = answered = 0
-        while any(each.poll() is None for each in flooders):
-            put_ticks(publisher, range(10), 0.1)
-            asked, answered = asked + 1, answered + bool(fetch_status([endpoint]))
-            peak_mb = max(peak_mb, resident_mb())
-    assert peak_mb - before_mb < 50.0
-    assert answered == asked > 20
