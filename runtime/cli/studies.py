@@ -30,15 +30,20 @@ class Part(StrEnum):
     FIG6 = "fig6"
     PLACES = "places"
     RECOGNITION = "recognition"
+    RELOCALISATION = "relocalisation"
     ALL = "all"
 
 
 def paper(
     part: Annotated[
         Part,
-        typer.Argument(help="a figure, the table, the ablation, the published pose, all of these; places; recognition"),
+        typer.Argument(
+            help="a figure, the table, the ablation, the published pose, all; places; recognition; relocalisation"
+        ),
     ],
-    more: Annotated[list[str] | None, typer.Argument(metavar="[SET]...", help="places: only these")] = None,
+    more: Annotated[
+        list[str] | None, typer.Argument(metavar="[SET]...", help="places, relocalisation: only these")
+    ] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="drives for each arm")] = 20,
     out: Annotated[Path, typer.Option("--out", help="folder for pictures and tables; finished jobs are kept")] = Path(
         "paper"
@@ -49,7 +54,7 @@ def paper(
     ] = 20,
     sets: Annotated[list[str] | None, typer.Option("--sets", metavar="SET...", help="places: only these")] = None,
     data: Annotated[
-        Path, typer.Option("--data", envvar="INFANT_DATA", help="places: folder of the public recordings")
+        Path, typer.Option("--data", envvar="INFANT_DATA", help="folder of the public recordings, for what has sets")
     ] = SHARED_DATA,
     scheduler: Scheduler = "local",
     as_json: AsJson = False,
@@ -58,7 +63,8 @@ def paper(
 
     "places" drives through every public recording, with its own configuration file and with the defaults, through a
     simulated building and with beams that drop out. "recognition" looks for places in made maps, and for places that
-    are in none; 20 seeds are 30 000 of these.
+    are in none; 20 seeds are 30 000 of these. "relocalisation" sets rovers down in maps of drives: worlds, recordings,
+    sessions, localise, slips.
     """
     chosen = [*(sets or []), *(more or [])]
     if part is Part.PLACES:
@@ -74,8 +80,18 @@ def paper(
         outcome = recognition.run_recognition(seeds, out, chosen_scheduler(scheduler), job_progress("recognition"))
         answer(outcome, outcome["lines"], as_json)
         return
+    if part is Part.RELOCALISATION:
+        from runtime.studies.relocalisation import study as relocalisation
+
+        parts = tuple(chosen) or relocalisation.PARTS
+        show = job_progress("relocalisation")
+        outcome = relocalisation.run_relocalisation(parts, seeds, data, out, chosen_scheduler(scheduler), show)
+        answer(outcome, outcome["lines"], as_json)
+        return
     if chosen:
-        raise UsageError(f"{' '.join(chosen)}: only places has sets; leave them out of infant paper {part.value}")
+        raise UsageError(
+            f"{' '.join(chosen)}: only places and relocalisation have sets; leave them out of infant paper {part.value}"
+        )
     from runtime.optional_packages import needs
 
     with needs("matplotlib", "infant paper"):

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from runtime.errors import RunExistsError, StorageError, UsageError
 from runtime.export.rosbag2 import Rosbag2
 from runtime.export.tables import CsvFile, GeoJsonFile, TumFile
+from runtime.map_files.start import origin_of
 from runtime.record.reader import RecordedTick, RunReader
 from runtime.record.room import is_being_written
 from runtime.record.trajectories import with_estimates
@@ -109,7 +110,7 @@ def _forms(
         "ros2": lambda path: Rosbag2(path, configuration, offset_ns, resolution_m),
         "csv": lambda path: CsvFile(path, offset_ns),
         "tum": lambda path: TumFile(path, offset_ns),
-        "geojson": lambda path: GeoJsonFile(path, offset_ns),
+        "geojson": lambda path: GeoJsonFile(path, offset_ns, origin_of(reader.header, reader.folder, configuration)),
     }
     for name, path in outputs.paths.items():
         path.parent.mkdir(parents=True, exist_ok=True)

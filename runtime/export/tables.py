@@ -4,8 +4,12 @@ import json
 import math
 from pathlib import Path
 
+import numpy as np
+
+from runtime.maps.geodetic import coordinates_note, placed
 from runtime.maps.landmark_files import landmark_geojson
 from runtime.record.reader import RecordedTick
+from runtime.settings.map import MapOrigin
 from slam.estimate import Estimate, LandmarkMap
 
 COLUMNS = (
@@ -69,10 +73,11 @@ class TumFile(_Lines):
 
 
 class GeoJsonFile(_Lines):
-    """The path as a line and the last landmarks as points, in metres of the map frame: it has no geodetic origin."""
+    """The path as a line and the last landmarks as points, in degrees where the origin is known, else in metres."""
 
-    def __init__(self, path: Path, offset_ns: int) -> None:
+    def __init__(self, path: Path, offset_ns: int, origin: MapOrigin | None) -> None:
         super().__init__(path, offset_ns)
+        self._origin = origin
         self._line: list[list[float]] = []
         self._stamps: list[str] = []
         self._landmarks: LandmarkMap | None = None
@@ -87,17 +92,15 @@ class GeoJsonFile(_Lines):
 
     def finish(self) -> None:
         """Write it all."""
-        points = [] if self._landmarks is None else json.loads(landmark_geojson(self._landmarks))["features"]
-        whole = self._line if len(self._line) > 1 else self._line * 2  # a line has two points at least
+        origin = self._origin
+        points = [] if self._landmarks is None else json.loads(landmark_geojson(self._landmarks, origin))["features"]
+        line_m = self._line if len(self._line) > 1 else self._line * 2  # a line has two points at least
+        whole = placed(origin, np.array(line_m))
         line = {
             "type": "Feature",
             "geometry": {"type": "LineString", "coordinates": whole},
             "properties": {"name": "path", "begins_s": self._stamps[0], "ends_s": self._stamps[-1]},
         }
-        collection = {
-            "type": "FeatureCollection",
-            "coordinates_are": "metres, x and y of the map frame",
-            "features": [line, *points],
-        }
+        collection = {"type": "FeatureCollection", **coordinates_note(origin), "features": [line, *points]}
         json.dump(collection, self._file, allow_nan=False)
         super().finish()

@@ -26,10 +26,13 @@ def facts_of(configuration: Configuration, runs: tuple[str, ...], before: SavedM
         runs=runs,
         rover=configuration.rover,
         slam_sources=sources_hash(),
+        origin=configuration.map.origin,
     )
     if before is None:
         return facts
-    return replace(facts, runs=(*before.facts.runs, *runs), frame=before.facts.frame, predecessor=before.sha256)
+    known = before.facts
+    facts = replace(facts, runs=(*known.runs, *runs), predecessor=before.sha256)
+    return replace(facts, frame=known.frame, origin=known.origin)
 
 
 def end_in_map(joint: JointMap, start: RunStart, configuration: Configuration, folder: RunFolder) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from runtime.errors import NotAMapError
 from runtime.printable import printable
+from runtime.settings.map import MapOrigin
 from slam.joint.atlas import PARENTS
 from slam.joint.window import ORPHAN
 from slam.maps.joint_map import JointMap
@@ -36,7 +37,8 @@ SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
 @dataclass(frozen=True, slots=True)
 class MapFacts:
     """Where a map comes from. configuration_text: of the drive that made it; runs: all drives that are in it, oldest
-    first; predecessor: sha256 of the file that the last of them began in, "" if it began without one.
+    first; predecessor: sha256 of the file that the last of them began in, "" if it began without one. origin: where on
+    earth it lies, where that was configured.
     """
 
     created_utc: str
@@ -46,6 +48,7 @@ class MapFacts:
     rover: str = ""
     predecessor: str = ""
     slam_sources: str = ""
+    origin: MapOrigin | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +73,7 @@ def encode_map(joint: JointMap, facts: MapFacts) -> bytes:
         "runs": list(facts.runs),
         "predecessor": facts.predecessor,
         "slam_sources": facts.slam_sources,
+        "origin": None if facts.origin is None else facts.origin.model_dump(),
         "configuration_sha256": hashlib.sha256(facts.configuration_text.encode()).hexdigest(),
         "configuration": facts.configuration_text,
         "arrays": list(joint.arrays),
@@ -110,6 +114,7 @@ def decode_map(data: bytes, name: str) -> SavedMap:
             header["rover"],
             header["predecessor"],
             header["slam_sources"],
+            None if header.get("origin") is None else MapOrigin.model_validate(header["origin"]),
         )
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise NotAMapError(

@@ -15,6 +15,7 @@ from runtime.printable import printable
 from runtime.record.folder import LARGEST_MAP_BYTES, RunFolder
 from runtime.record.header import RunHeader
 from runtime.settings.configuration import Configuration
+from runtime.settings.map import MapOrigin
 from slam.maps.start import MapStart
 from slam.pose import Pose2
 
@@ -147,6 +148,17 @@ def recorded_start(header: RunHeader, folder: RunFolder) -> RunStart | None:
     except (KeyError, UsageError) as error:
         why = printable(str(error), 200)
         raise NotAMapError(f"{folder.path} does not say how it began in its map ({why}); take another copy") from error
+
+
+def origin_of(header: RunHeader, folder: RunFolder, configuration: Configuration) -> MapOrigin | None:
+    """Where on earth the map of a run lies: the saved one's that it began in, else the configured one's."""
+    if not header.start:
+        return configuration.map.origin
+    try:
+        start = recorded_start(header, folder)
+    except NotAMapError:  # without its map nobody knows; a replay says that it is gone
+        return None
+    return None if start is None else start.saved.facts.origin
 
 
 def _from_metadata(facts: Mapping[str, str], data: bytes, path: Path) -> RunStart:

@@ -12,12 +12,14 @@ from drivers.measurements import FloatArray
 from runtime.atomic_write import atomic_write
 from runtime.errors import StorageError, UsageError
 from runtime.map_files.map_store import read_map
+from runtime.map_files.start import origin_of
 from runtime.maps.grid_files import map_server_yaml, pgm
 from runtime.maps.landmark_files import landmark_csv, landmark_geojson
 from runtime.maps.picture import map_png, need_pictures
 from runtime.maps.placed_scans import PlacedScans
 from runtime.record.reader import RunReader
 from runtime.record.trajectories import with_estimates
+from runtime.settings.configuration import load_configuration_text
 from slam.estimate import LandmarkMap
 from slam.joint.gaussian import CONFIRMED_LOG_ODDS
 from slam.maps.occupancy_grid import FREE, OCCUPIED, GridMap, OccupancyGrid
@@ -54,7 +56,9 @@ def draw_run(run: Path, out: Path | None, resolution_m: float | None, progress: 
     if drawn.grid is not None:
         files |= {"map.pgm": pgm(drawn.grid), "map.yaml": map_server_yaml(drawn.grid, "map.pgm")}
     landmarks = confirmed(drawn.landmarks)
-    files |= {"landmarks.csv": landmark_csv(landmarks), "landmarks.geojson": landmark_geojson(landmarks)}
+    configuration = load_configuration_text(reader.header.configuration_text, source=str(run))
+    origin = origin_of(reader.header, reader.folder, configuration)
+    files |= {"landmarks.csv": landmark_csv(landmarks), "landmarks.geojson": landmark_geojson(landmarks, origin)}
     files["map.png"] = map_png(drawn.grid, drawn.path_m, landmarks, run.name)
     folder = out or reader.folder.path / "map"
     write_files(folder, files)
@@ -84,7 +88,7 @@ def draw_map(path: Path, out: Path | None, grid: bool) -> dict[str, Any]:
     landmarks = saved.joint.landmarks
     files: dict[str, str | bytes] = {
         "landmarks.csv": landmark_csv(landmarks),
-        "landmarks.geojson": landmark_geojson(landmarks),
+        "landmarks.geojson": landmark_geojson(landmarks, saved.facts.origin),
         "map.png": map_png(None, np.zeros((0, 2)), landmarks, path.name),
     }
     folder = out or path.with_name(f"{path.stem}_drawn")

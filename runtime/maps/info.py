@@ -24,6 +24,7 @@ def map_info(path: Path) -> dict[str, Any]:
         "bytes": len(data),
         "created_utc": facts.created_utc,
         "frame": facts.frame,
+        "origin": None if facts.origin is None else facts.origin.model_dump(),
         "rover": facts.rover,
         "runs": list(facts.runs),
         "predecessor": facts.predecessor or None,
@@ -68,6 +69,11 @@ def info_lines(facts: dict[str, Any]) -> list[str]:
         f"runs      {', '.join(facts['runs'])}",
         f"sha256    {facts['sha256']}",
     ]
+    if (origin := facts["origin"]) is not None:
+        lines.append(
+            f"origin    {origin['latitude_deg']:.7f} N, {origin['longitude_deg']:.7f} E, its x axis "
+            f"{origin['heading_deg']:g} degrees from east towards north"
+        )
     return lines + ([f"before    {facts['predecessor']}"] if facts["predecessor"] else [])
 
 

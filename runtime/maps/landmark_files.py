@@ -5,7 +5,9 @@ import math
 
 import numpy as np
 
+from runtime.maps.geodetic import coordinates_note, placed
 from runtime.messages.map_json import existence
+from runtime.settings.map import MapOrigin
 from slam.estimate import LandmarkMap
 
 COLUMNS = "identity,x_m,y_m,var_x_m2,cov_xy_m2,var_y_m2,existence"
@@ -22,28 +24,25 @@ def landmark_csv(landmarks: LandmarkMap) -> str:
     return "\n".join(lines) + "\n"
 
 
-def landmark_geojson(landmarks: LandmarkMap) -> str:
+def landmark_geojson(landmarks: LandmarkMap, origin: MapOrigin | None = None) -> str:
     """A FeatureCollection of points.
 
-    Coordinates are metres of the map frame, not degrees: a map without a geodetic origin has none. The file says so.
+    Coordinates are degrees where the origin of the map is known, else metres of the map frame. The file says so.
     """
     features = []
     probabilities = existence(landmarks.existence_log_odds)
-    for identity, mean, p, exists in zip(
-        landmarks.identities, landmarks.means_m, landmarks.covariances_m2, probabilities, strict=True
+    points = placed(origin, landmarks.means_m)
+    for identity, point, p, exists in zip(
+        landmarks.identities, points, landmarks.covariances_m2, probabilities, strict=True
     ):
         larger = math.sqrt(max(float(np.linalg.eigvalsh(p)[-1]), 0.0))
         features.append(
             {
                 "type": "Feature",
                 "id": int(identity),
-                "geometry": {"type": "Point", "coordinates": [round(float(value), 4) for value in mean]},
+                "geometry": {"type": "Point", "coordinates": point},
                 "properties": {"sigma_m": round(larger, 4), "existence": round(float(exists), 4)},
             }
         )
-    collection = {
-        "type": "FeatureCollection",
-        "coordinates_are": "metres, x and y of the map frame",
-        "features": features,
-    }
+    collection = {"type": "FeatureCollection", **coordinates_note(origin), "features": features}
     return json.dumps(collection, allow_nan=False) + "\n"

@@ -1,15 +1,17 @@
 """A place is announced when two attempts agree and the second has evidence that the first had not.
 
 Two attempts in a row are weaker than they look: what chance arranged once is still there a step later. The first may
-have been one on a part of what is seen: what was withheld from it is new as well.
+have been one on a part of what is seen: what was withheld from it is new as well. One attempt is enough where it has
+so much that three of its matches could be withheld and be the new ones.
 """
 
 import math
 
 from slam.pose import Pose2, wrap_rad
-from slam.recognise.attempt import Hypothesis
+from slam.recognise.attempt import LEAST_MATCHES, Hypothesis
 
 NEW_MATCHES = 3  # landmarks of the map that the first attempt did not have
+CERTAIN_ODDS = 20.0  # without any three of its matches such an attempt would be acceptable as well
 AGREE_M, AGREE_RAD = 2.0, 0.1  # between the two, after the rover's motion
 
 
@@ -25,6 +27,8 @@ class Confirmation:
         if not hypothesis.acceptable:
             return False
         known = set(hypothesis.known.tolist())
+        if hypothesis.odds >= CERTAIN_ODDS and len(known) >= LEAST_MATCHES + NEW_MATCHES:
+            return True
         if self._map_from_frame is not None:
             expected = self._map_from_frame @ frame_from_body
             off = expected.inverse() @ hypothesis.map_from_body

@@ -75,10 +75,14 @@ class FeatureDrive:
         return np.array([step.truth.as_array() for step in self.steps])
 
 
-def feature_world(kind: WorldKind, seed: int, scans_at_rest: int = 10) -> FeatureDrive:
+def feature_world(
+    kind: WorldKind, seed: int, scans_at_rest: int = 10, drive: int = 0, exchanged: float = 0.0
+) -> FeatureDrive:
     """A drive of 1.15 laps around a rounded square of 100 m at 2 m/s, after standing still for some scans.
 
-    Sensor and body frame coincide. Each wheel sample carries the stamp of the scan before and holds until the next.
+    drive: another one is of another day, with other noise and people, and a share of the landmarks exchanged for as
+    many elsewhere. Sensor and body frame coincide. Each wheel sample carries the stamp of the scan before and holds
+    until the next.
     Raises ValueError for no scan at rest: the first scan defines the frame.
     """
     if scans_at_rest < 1:
@@ -88,6 +92,10 @@ def feature_world(kind: WorldKind, seed: int, scans_at_rest: int = 10) -> Featur
     driven_m = np.concatenate((np.zeros(scans_at_rest), np.arange(1, moving + 1) * SPEED_MPS * PERIOD_S))
     truth = path_poses(driven_m)
     landmarks = lonely_landmarks() if kind == "LONELY" else scattered_landmarks(generator)
+    if drive:
+        generator = np.random.default_rng([seed, list(DISTURBANCES).index(kind), drive])
+        gone = generator.permutation(len(landmarks))[: round(exchanged * len(landmarks))]
+        landmarks = np.vstack((np.delete(landmarks, gone, axis=0), scattered_landmarks(generator)[: len(gone)]))
     people = _people(DISTURBANCES[kind], len(truth), generator)
     ever = np.zeros(len(landmarks), dtype=np.bool_)
     steps = []

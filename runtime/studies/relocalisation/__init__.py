@@ -1,0 +1,1 @@
+"""How soon, how often and how exactly is a rover found in a map that a drive has left? Begin at study.py."""

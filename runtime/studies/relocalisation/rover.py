@@ -1,0 +1,56 @@
+"""The part of the estimator that makes the published pose, without particles: it is told scan after scan."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from drivers.measurements import FloatArray
+from slam.estimate import Recognition
+from slam.joint.evidence import Confidence
+from slam.maps.joint_map import JointMap, take_map
+from slam.maps.start import MapStart, first_maps
+from slam.pose import Pose2
+from slam.quality import QualityMonitor
+from slam.relocalise.local_map import ScanSeen
+from slam.relocalise.relocaliser import Relocaliser
+from slam.settings.slam import SlamSettings
+
+
+class StudiedRover:
+    """start: the saved map that its drive begins in."""
+
+    def __init__(self, settings: SlamSettings, start: MapStart | None = None) -> None:
+        self.joint, saved = first_maps(settings, start)
+        self.relocaliser = Relocaliser(settings, self.joint, saved)
+        self.quality = QualityMonitor(settings.quality, self.joint.scans)
+        self._has_begun = False
+
+    def step(self, seen: ScanSeen) -> Recognition | None:
+        """One scan; the first has no motion before it, wherever in a recording it stands."""
+        if not self._has_begun:
+            self._has_begun = True
+            seen = replace(seen, increment_mean=np.zeros(3), increment_covariance=np.zeros((3, 3)), at_rest=True)
+        joint, quality = self.joint, self.quality
+        joint.predict(seen.increment_mean, seen.increment_covariance)
+        hints = np.full(seen.rows.ranges_m.size, -1, dtype=np.int64)
+        confidence = Confidence(quality.settled_before, quality.map_is_kept)
+        matched = joint.observe(seen.rows, hints, seen.sight, confidence, seen.at_rest)
+        quality.add(seen.stamp_ns, joint.evidence, seen.seen_before_share)
+        recognition = self.relocaliser.step(seen, matched, quality)
+        if recognition is not None:
+            self.joint = self.relocaliser.here.joint
+        return recognition
+
+    @property
+    def pose(self) -> Pose2:
+        """map_from_body."""
+        return self.joint.map_from_body
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(3, 3) of it."""
+        return self.joint.covariance
+
+    def saved(self) -> JointMap:
+        """The map as it is now."""
+        return take_map(self.relocaliser.lasting)
