@@ -10,7 +10,7 @@ HERE = Pose2(30.0, -8.0, 1.0)
 AFTER = HERE @ STEP
 
 
-def hypothesis(pose: Pose2, known: range, odds: float = 20.0, mirror_odds: float = 0.0) -> Hypothesis:
+def hypothesis(pose: Pose2, known: range, odds: float = 19.0, mirror_odds: float = 0.0) -> Hypothesis:
     matched = np.array(known)
     return Hypothesis(pose, odds, mirror_odds, matched, matched, len(matched) + 2)
 
@@ -50,3 +50,10 @@ def test_a_place_that_disagrees_becomes_the_first_of_two() -> None:
     confirmation.add(hypothesis(Pose2(), range(8)), Pose2())
     assert not confirmation.add(hypothesis(HERE, range(20, 28)), Pose2())
     assert confirmation.add(hypothesis(AFTER, range(23, 31)), STEP)
+
+
+def test_one_attempt_is_enough_where_three_of_its_matches_could_have_been_withheld() -> None:
+    assert Confirmation().add(hypothesis(HERE, range(9), odds=20.0), Pose2())
+    assert not Confirmation().add(hypothesis(HERE, range(8), odds=40.0), Pose2())
+    assert not Confirmation().add(hypothesis(HERE, range(9), odds=20.0, mirror_odds=16.0), Pose2())
+    assert not Confirmation().add(hypothesis(HERE, range(9), odds=19.9), Pose2())
