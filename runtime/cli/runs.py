@@ -143,7 +143,7 @@ def review(
     folder = with_estimates(RunReader(run)).folder
     drawn = folder.review_path if out is None else out.with_suffix(".rrd")
     if not is_being_written(folder.mcap_path):  # whoever records a run draws it too
-        build_review(folder.path, drawn, progress=progress_bar("draw"))
+        build_review(folder.path, drawn, progress=progress_bar("draw"), verdict=report["verdict"])
     report["review"] = str(drawn)
     answer(report, [*report_lines(report), f"review    {drawn}"], as_json)
     _end_with_defects(report["defects"]["steps"], allow_defects)

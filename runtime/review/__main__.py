@@ -32,7 +32,7 @@ def draw_from(stream: IO[bytes], path: Path, what: str) -> None:
             is_renewed = True
         else:
             writer.feed(record)
-    writer.close()
+    writer.close(has_ended=not is_renewed)
     if is_renewed:
         sys.stdout.buffer.write(writer.carried())
         sys.stdout.buffer.flush()

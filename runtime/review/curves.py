@@ -32,6 +32,14 @@ def draw_curves(columns: ReviewColumns, assembled: AssembledTick) -> None:
         _draw_error(columns, assembled.estimate, assembled.truth)
 
 
+def draw_speed(columns: ReviewColumns, before: Estimate, now: Estimate) -> None:
+    """By dead reckoning, backwards negative."""
+    span_s = (now.stamp_ns - before.stamp_ns) * 1e-9
+    if 0.0 < span_s < 1.0:
+        step = before.odom_from_body.inverse() @ now.odom_from_body
+        columns.scalar("plots/motion/speed_mps", step.x_m / span_s)
+
+
 def _draw_ages(columns: ReviewColumns, assembled: AssembledTick) -> None:
     """How old the newest sample of each sensor was when the tick was taken."""
     tick = assembled.tick

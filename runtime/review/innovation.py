@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
 from runtime.review.columns import ReviewColumns
+from runtime.review.layout import TRUTH, VERDICTS
 from runtime.review.ticks import Motion
 from slam.estimate import Estimate, LandmarkMap
 from slam.observations import Features
@@ -46,3 +47,32 @@ def draw_innovation(columns: ReviewColumns, range_error_m: FloatArray, bearing_e
     for name, errors in (("range_m", range_error_m), ("bearing_deg", np.degrees(bearing_error_rad))):
         columns.scalar(f"plots/innovation_{name}/mean", float(errors.mean()))
         columns.scalar(f"plots/innovation_{name}/RMS", float(np.sqrt((errors**2).mean())))
+
+
+def draw_association(
+    columns: ReviewColumns,
+    features: Features,
+    matches: NDArray[np.int64],
+    motion: Motion,
+    body_from_laser: Pose2,
+    landmarks: LandmarkMap | None,
+) -> None:
+    """A spoke from each matched feature to its landmark; a labelled point for each of the others."""
+    laser_m = features.ranges_m[:, None] * np.stack(
+        (np.cos(features.bearings_rad), np.sin(features.bearings_rad)), axis=-1
+    )
+    stamps_ns = np.full(len(features), features.stamp_ns)
+    points_m = motion.to_map(stamps_ns, laser_m, body_from_laser)
+    where_m = {} if landmarks is None else dict(zip(landmarks.identities.tolist(), landmarks.means_m, strict=True))
+    rover_m = np.array((motion.map_from_body.x_m, motion.map_from_body.y_m))
+    spokes_m = [
+        np.stack((rover_m, point_m, where_m.get(match, point_m)))
+        for point_m, match in zip(points_m, matches.tolist(), strict=True)
+        if match >= 0
+    ]
+    columns.strips("map/association/matched", spokes_m)
+    others = [k for k, match in enumerate(matches.tolist()) if match < 0]
+    verdicts = [VERDICTS.get(int(matches[k]), (f"verdict {matches[k]}", TRUTH)) for k in others]
+    colors = np.array([color for _, color in verdicts], np.uint8).reshape(-1, 3)
+    labels = [text for text, _ in verdicts]
+    columns.named_points("map/association/new_and_refused", points_m[others], colors, labels)

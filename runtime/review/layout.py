@@ -55,6 +55,7 @@ CURVES: dict[str, Color] = {
     "plots/clock/laser_ms": KEPT,
     "plots/filter/features": (150, 150, 165),
     "plots/filter/matched": TRUTH,
+    "plots/motion/speed_mps": SLAM,
     "plots/sensors/laser_age_ms": KEPT,
     "plots/sensors/wheels_age_ms": ODOMETRY,
 }
@@ -189,11 +190,11 @@ def draw_set_truth(recording: rr.RecordingStream, landmarks_m: FloatArray) -> No
         recording.log("map/truth_landmarks", rings, static=True)
 
 
-def layout(extent: Extent, with_truth: bool) -> rrb.Blueprint:
-    """Map from above, surroundings in the rover's and in the laser's frame, plots, events and legend."""
+def layout(extent: Extent, with_truth: bool, caption: str = "map from above") -> rrb.Blueprint:
+    """Map from above with its caption, surroundings in the rover's and the laser's frame, plots, events, legend."""
     x_m, y_m = extent.center_m
     whole = rrb.Spatial3DView(
-        name="map from above",
+        name=caption,
         origin="map",
         contents=["map/**", "- map/association/**"],
         eye_controls=_from_above((x_m, y_m, 0.0), extent.eye_height_m),
@@ -219,17 +220,18 @@ def layout(extent: Extent, with_truth: bool) -> rrb.Blueprint:
         background=(14, 16, 20),
     )
     near = rrb.Tabs(around, laser)
-    error = "error (m): SLAM blue, odometry orange" if with_truth else "2 sigma of the position (m)"
+    error = "error (m): SLAM blue, odometry orange" if with_truth else "2 sigma of the position (m) grey"
     plots = rrb.Grid(
         _plot(error, "plots/error"),
-        _plot("effective particles, matched green", "plots/filter"),
+        _plot("effective particles violet, features grey, matched green", "plots/filter"),
         _plot("loop (ms): step blue, late yellow", "plots/timing"),
         rrb.Tabs(
-            _plot("age (ms)", "plots/sensors"),
-            _plot("landmarks", "plots/map"),
-            _plot("innovation (m)", "plots/innovation_range_m"),
-            _plot("innovation (deg)", "plots/innovation_bearing_deg"),
-            _plot("laser clock (ms)", "plots/clock"),
+            _plot("speed (m/s)", "plots/motion"),
+            _plot("age (ms): laser white, wheels orange", "plots/sensors"),
+            _plot("landmarks yellow, created green, removed red", "plots/map"),
+            _plot("innovation (m): mean blue, RMS grey", "plots/innovation_range_m"),
+            _plot("innovation (deg): mean blue, RMS grey", "plots/innovation_bearing_deg"),
+            _plot("laser clock behind host (ms)", "plots/clock"),
         ),
         grid_columns=2,
     )
@@ -254,8 +256,13 @@ def _from_above(target_m: tuple[float, float, float], height_m: float) -> Any:
     )
 
 
+def grid_spacing_m(height_m: float) -> float:
+    """Side of a square of the grid, seen from this height."""
+    return 1.0 if height_m < 40.0 else 10.0 if height_m < 400.0 else 100.0
+
+
 def _grid(height_m: float) -> Any:
-    spacing_m = 1.0 if height_m < 40.0 else 10.0 if height_m < 400.0 else 100.0
+    spacing_m = grid_spacing_m(height_m)
     return rrb.LineGrid3D(visible=True, spacing=spacing_m, stroke_width=0.5, color=(60, 64, 74, 110))
 
 

@@ -21,15 +21,17 @@ def build_review(
     out_rrd: Path,
     settings: ReviewSettings | None = None,
     progress: Callable[[float], None] | None = None,
+    verdict: str = "",
 ) -> None:
     """Make review.rrd again from a run, as one file; the old ones stay until the new one is whole.
 
+    verdict: of the report, for the caption.
     progress gets the share that is done. Raises NotARunError, StorageError, UsageError (no rerun).
     """
     os.environ.setdefault("RUST_LOG", "error")  # rerun's own words are not for whoever asked for a picture
     with needs("rerun", "the picture of a run"):
         from runtime.review.truth import truth_track
-        from runtime.review.writer import ReviewWriter
+        from runtime.review.writer import AFTERWARDS_TICKS, ReviewWriter
 
     reader = RunReader(run)
     header = reader.header
@@ -37,13 +39,16 @@ def build_review(
     facts = {"run": printable(reader.folder.path.name), "source": header.source, "created": header.created_utc} | {
         name: header.versions[name] for name in ("infant", "rerun-sdk") if name in header.versions
     }
+    facts |= {"verdict": verdict} if verdict else {}
     track = truth_track(reader)
     if track is not None:
         facts["truth"] = track.name
     given = settings or configuration.review
     try:
         with replacement(out_rrd) as unfinished:
-            writer = ReviewWriter(unfinished, given, configuration.slam.mount, facts, track)
+            writer = ReviewWriter(
+                unfinished, given, configuration.slam.mount, facts, track, batch_ticks=AFTERWARDS_TICKS
+            )
             for record in reader.records():
                 if record.topic in DRAWN:
                     decoded(record, lambda _: writer.feed(record), reader.place)  # noqa: B023 called at once

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray, Scan
 from runtime.errors import StorageError
@@ -14,15 +13,15 @@ from runtime.messages.pipe import CARRIED, SEGMENT
 from runtime.messages.tick import Record
 from runtime.printable import printable
 from runtime.record.folder import RunFolder
+from runtime.review.caption import caption, draw_end, draw_end_styles
 from runtime.review.columns import SIGMAS, ReviewColumns, mixed
-from runtime.review.curves import draw_curves
+from runtime.review.curves import draw_curves, draw_speed
 from runtime.review.drawing_state import DrawingState
-from runtime.review.innovation import draw_innovation, innovations, predicted_motion
+from runtime.review.innovation import draw_association, draw_innovation, innovations, predicted_motion
 from runtime.review.layout import (
     DOUBTED,
     SURE,
     TRUTH,
-    VERDICTS,
     draw_rover,
     draw_set_truth,
     draw_static,
@@ -32,12 +31,13 @@ from runtime.review.ticks import AssembledTick, Motion, TickAssembler, beam_poin
 from runtime.review.truth import TruthTrack
 from runtime.settings.review import ReviewSettings
 from slam.estimate import Estimate, Quality
-from slam.observations import BeamVerdict, Features
+from slam.observations import BeamVerdict
 from slam.pose import Pose2
 from slam.settings.slam import MountSettings
 
 TRACE_EVERY = 10  # ticks between the scans that stay and add up to a map
 BATCH_TICKS = 10  # ticks per write: 1 s, which a power cut loses ...
+AFTERWARDS_TICKS = 100  # ... ten times as many where nothing can be lost: a tenth of the chunks ...
 LIVE_TICKS = 2  # ... 0.2 s for who looks on
 LASER_PATHS = {
     BeamVerdict.KEPT: "map/laser/kept",
@@ -54,7 +54,7 @@ class ReviewWriter:
     """Takes records in the order of writing and draws them. Memory stays flat; nothing is read back.
 
     mount: of the laser; facts: lines for the legend; track: what an imported data set knows. viewer_url: of a viewer
-    that is drawn into, in place of a file.
+    that is drawn into, in place of a file; batch_ticks: that are written at a time.
     Raises StorageError when the file cannot be made.
     """
 
@@ -66,9 +66,10 @@ class ReviewWriter:
         facts: Mapping[str, str] | None = None,
         track: TruthTrack | None = None,
         viewer_url: str | None = None,
+        batch_ticks: int = BATCH_TICKS,
     ) -> None:
         self._path, self._viewer_url = path, viewer_url
-        self._batch_ticks = BATCH_TICKS if viewer_url is None else LIVE_TICKS
+        self._batch_ticks = batch_ticks if viewer_url is None else LIVE_TICKS
         self._settings = settings
         self._mount = mount or MountSettings()
         self._body_from_laser = self._mount.as_pose()
@@ -95,11 +96,16 @@ class ReviewWriter:
         elif (assembled := self._assembler.feed(record)) is not None:
             self.draw(assembled)
 
-    def close(self) -> None:
-        """Draw what is left and say how the whole is best looked at. Raises StorageError when the disk was full."""
+    def close(self, has_ended: bool = True) -> None:
+        """Draw what is left and say how the whole is best looked at. has_ended: the run, and not only this writer.
+
+        Raises StorageError when the disk was full.
+        """
         assembled = self._assembler.last()
         if assembled is not None:
             self.draw(assembled)
+        if has_ended and self._state.before is not None:
+            draw_end(self._columns, "end", self._state.before.map_from_body)
         self._end()
 
     def draw_before(self, path_m: FloatArray) -> None:
@@ -116,12 +122,13 @@ class ReviewWriter:
         try:
             if self._viewer_url is not None:
                 recording.connect_grpc(self._viewer_url, default_blueprint=layout(self._state.extent, False))
-            else:  # a footer would keep a manifest of all chunks in memory: 155 MB an hour
-                recording.save(self._path, layout(self._state.extent, True), write_footer=False)
+            else:  # the footer's manifest of all chunks stays in memory until the file is closed: 3 MB a minute
+                recording.save(self._path, layout(self._state.extent, True), write_footer=True)
         except (RuntimeError, OSError) as error:
             raise StorageError(f"{self._path} cannot be written ({error}); give a folder that can") from error
         recording.send_recording_name(self._name or "run")
         draw_static(recording, self._facts, SIGMAS, self._body_from_laser)
+        draw_end_styles(recording)
         if self._track is not None:
             draw_set_truth(recording, self._track.landmarks_m)
         elif self._state.with_truth:
@@ -131,7 +138,9 @@ class ReviewWriter:
     def _end(self) -> None:
         self._flush()
         self._recording.send_blueprint(
-            layout(self._state.extent, self._state.with_truth), make_active=True, make_default=True
+            layout(self._state.extent, self._state.with_truth, caption(self._state, self._facts)),
+            make_active=True,
+            make_default=True,
         )
         try:
             self._recording.flush(timeout_sec=FLUSH_S)  # the only call that tells of a disk that refused
@@ -163,6 +172,11 @@ class ReviewWriter:
         draw_curves(self._columns, assembled)
         if estimate is not None:
             motion = Motion.between(self._state.before, estimate)
+            if self._state.before is None:
+                draw_end(self._columns, "start", estimate.map_from_body)
+            else:
+                draw_speed(self._columns, self._state.before, estimate)
+            self._state.measure(estimate, assembled.truth)
             self._draw_track(tick.stamp_ns)
             if self._state.before is not None:
                 self._draw_innovation(estimate, predicted_motion(self._state.before, estimate, motion))
@@ -173,7 +187,14 @@ class ReviewWriter:
             if isinstance(tick.scan, Scan):
                 self._draw_scan(tick.scan, estimate, motion)
             if estimate.features is not None and estimate.matches is not None:
-                self._draw_association(estimate.features, estimate.matches, motion)
+                draw_association(
+                    self._columns,
+                    estimate.features,
+                    estimate.matches,
+                    motion,
+                    self._body_from_laser,
+                    self._state.landmarks,
+                )
             self._state.before = estimate
         self._state.drawn += 1
         if self._state.drawn % self._batch_ticks == 0:
@@ -191,6 +212,8 @@ class ReviewWriter:
             elapsed_ns = max(0, event.stamp_ns - (self._state.start_ns or 0))
             text = f"{event.source} {event.kind}: {event.reason}"
             self._columns.text("events", text, event.severity.value.upper(), elapsed_ns)
+            if event.kind == "mark":
+                self._columns.scalar("plots/error/mark", 0.0)
         before, now = self._state.before, assembled.estimate
         if now is not None and (before is None or before.quality is not now.quality):
             elapsed_ns = assembled.tick.stamp_ns - (self._state.start_ns or 0)
@@ -258,31 +281,6 @@ class ReviewWriter:
             self._columns.points(path, points_m[verdicts[returned] == verdict])
         if self._due("trace", TRACE_EVERY):
             self._columns.points("map/laser/trace", points_m[verdicts[returned] == BeamVerdict.KEPT][::TRACE_STEP])
-
-    def _draw_association(self, features: Features, matches: NDArray[np.int64], motion: Motion) -> None:
-        """A spoke from each matched feature to its landmark; a labelled point for each of the others."""
-        laser_m = features.ranges_m[:, None] * np.stack(
-            (np.cos(features.bearings_rad), np.sin(features.bearings_rad)), axis=-1
-        )
-        stamps_ns = np.full(len(features), features.stamp_ns)
-        points_m = motion.to_map(stamps_ns, laser_m, self._body_from_laser)
-        where_m = (
-            {}
-            if self._state.landmarks is None
-            else dict(zip(self._state.landmarks.identities.tolist(), self._state.landmarks.means_m, strict=True))
-        )
-        rover_m = np.array((motion.map_from_body.x_m, motion.map_from_body.y_m))
-        spokes_m = [
-            np.stack((rover_m, point_m, where_m.get(match, point_m)))
-            for point_m, match in zip(points_m, matches.tolist(), strict=True)
-            if match >= 0
-        ]
-        self._columns.strips("map/association/matched", spokes_m)
-        others = [k for k, match in enumerate(matches.tolist()) if match < 0]
-        verdicts = [VERDICTS.get(int(matches[k]), (f"verdict {matches[k]}", TRUTH)) for k in others]
-        colors = np.array([color for _, color in verdicts], np.uint8).reshape(-1, 3)
-        labels = [text for text, _ in verdicts]
-        self._columns.named_points("map/association/new_and_refused", points_m[others], colors, labels)
 
     def _flush(self) -> None:
         """Send the columns and one piece of each path, which begins where the last one ended."""

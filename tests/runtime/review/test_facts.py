@@ -30,7 +30,6 @@ from tests.runtime.evaluate.test_evaluate import CONFIGURATION, moved, path
 from tests.runtime.review.test_rebuild import Drawn
 from tests.support.runtime.recorded_values import make_timing
 
-pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")
 MOUNT = Pose2(0.3, 0.0, 0.0)
 COVARIANCE = np.eye(3)
 

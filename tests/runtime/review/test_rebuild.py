@@ -26,7 +26,6 @@ from tests.support.runtime.drawn_drive import MOUNT, YARD_M, drive
 from tests.support.runtime.recorded_values import make_estimate
 
 TICKS = 60
-pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")
 
 
 class Drawn:

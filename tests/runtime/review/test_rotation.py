@@ -1,6 +1,7 @@
 """A long run's picture comes in files that fit the segments: together one picture, each of them small, memory flat."""
 
 import itertools
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,8 +16,17 @@ from runtime.record.header import RunHeader
 from runtime.record.manifest import Manifest
 from runtime.record.room import make_room
 from runtime.record.writing.recorder import Recorder
+from runtime.review.caption import caption
+from runtime.review.drawing_state import DrawingState
 from runtime.review.rebuild import build_review
-from runtime.review.viewer import headless_viewer, last_time_s, reported_errors, review_paths
+from runtime.review.viewer import (
+    headless_viewer,
+    last_time_s,
+    reported_errors,
+    review_paths,
+    viewer_environment,
+    viewer_path,
+)
 from runtime.review.writer import ReviewWriter
 from runtime.settings.record import RecordSettings
 from runtime.settings.review import ReviewSettings
@@ -29,10 +39,7 @@ from tests.support.zenoh.wire import until
 TICKS = 60
 CLOSED_AFTER = (20, 40)
 RENEWED_MB = 250.0
-pytestmark = [
-    pytest.mark.usefixtures("patient_drawing"),
-    pytest.mark.filterwarnings("ignore:RRD file has no footer"),
-]
+pytestmark = pytest.mark.usefixtures("patient_drawing")
 
 
 def rotated(ticks: Iterator[list[Record]], closed_after: tuple[int, ...]) -> Iterator[Record]:
@@ -76,6 +83,27 @@ def test_every_part_can_be_looked_at_alone(tmp_path: Path) -> None:
         assert part.values[("/map/rover/shape", "strips")]
         assert len(part.elapsed_s["/map/rover"]) >= 19
         assert b"blueprint" in path.read_bytes()
+
+
+def test_every_closed_part_is_whole_for_other_tools(tmp_path: Path) -> None:
+    parts = drawn_in(tmp_path / "parts", rotated(drive(TICKS), CLOSED_AFTER)).review_paths()
+    verify = [viewer_path(), "rrd", "verify", *map(str, parts)]
+    verified = subprocess.run(verify, env=viewer_environment(), capture_output=True, text=True, check=False)
+    assert verified.returncode == 0, verified.stderr
+    cut = tmp_path / "cut.rrd"
+    cut.write_bytes(parts[0].read_bytes()[:-200])
+    assert subprocess.run([viewer_path(), "rrd", "verify", str(cut)], capture_output=True, check=False).returncode != 0
+
+
+def test_the_picture_says_where_the_run_began_and_ended_and_how_it_went(tmp_path: Path) -> None:
+    parts = [Drawn(path) for path in drawn_in(tmp_path / "parts", rotated(drive(TICKS), CLOSED_AFTER)).review_paths()]
+    assert [len(part.elapsed_s["/map/start"]) for part in parts] == [1, 0, 0]
+    assert [len(part.elapsed_s["/map/end"]) for part in parts] == [0, 0, 1]
+    state = DrawingState(driven_m=12.3, squared_error_m2=0.09, errors=1)
+    said = caption(state, {"run": "yard", "created": "2026-01-01T00:00:00Z", "verdict": "healthy", "source": "live"})
+    assert said == "yard | 2026-01-01T00:00:00Z | healthy | 12 m driven | error 0.30 m RMS | a square is 1 m"
+    assert DrawingState.from_bytes(state.to_bytes()).driven_m == 12.3
+    assert "error" not in caption(DrawingState(), {})
 
 
 def test_the_recorder_says_when_a_segment_is_closed_and_the_review_follows(tmp_path: Path) -> None:
