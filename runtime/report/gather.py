@@ -33,7 +33,7 @@ from slam.settings.slam import SlamSettings
 REST_SCANS = 20  # the first scans, all of them: they stand still and show the range noise
 SCAN_APART_NS = 240_000_000  # then one in 0.25 s suffices for matching and costs a third
 NEAR_M = 6.0  # who walks along is within; bushes and walls, whose edges come and go, are farther from the course
-MOST_SCANS = 2400  # ten minutes of driving show any geometry; 10 MB
+MOST_SCANS = 1200  # five minutes of driving show 0.4 % of a wheel; 10 MB, and half of the time of a review
 
 
 def gather(run: Path) -> RunFacts:

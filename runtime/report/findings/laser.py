@@ -192,13 +192,13 @@ def _rate(facts: RunFacts) -> list[Finding]:
 
 def _is_even(starts: FloatArray, steps: FloatArray, holes: BoolArray, period_s: float) -> bool:
     """Whether the laser leaves out the same number of sweeps each time, for as long as it leaves out any."""
-    within = np.zeros(steps.size, dtype=np.bool_)
     for start, end in intervals_where(starts, holes, 2.0, 1.0):
-        within |= (starts >= start) & (starts <= end)
-    if np.count_nonzero(within & holes) < EVEN_LEAST:
-        return False
-    periods = np.rint(steps[within] / period_s)
-    return float(np.mean(periods == np.median(periods))) >= EVEN_SHARE
+        within = (starts >= start) & (starts <= end)
+        periods = np.rint(steps[within] / period_s)
+        even = float(np.mean(periods == np.median(periods))) >= EVEN_SHARE
+        if even and np.count_nonzero(within & holes) >= EVEN_LEAST:
+            return True
+    return False
 
 
 def _arrived_share(facts: RunFacts, period_s: float) -> float:

@@ -151,11 +151,12 @@ def _misconfigured(facts: RunFacts) -> list[Finding]:
     events = [event for event in facts.events_of("encoders", "invalid") if "counts_per_rev" in event.reason]
     if not events:
         return []
+    sides = {side for event in events if (side := side_of(event))} or {"left", "right"}
     return [
         Finding(
             "wheel_misconfigured",
             Severity.ERROR,
-            f"The {side_of(events[0])} wheel encoder has other counts per turn than configured".replace("  ", " "),
+            f"{encoders_text(sides)} {'has' if len(sides) == 1 else 'have'} other counts per turn than configured",
             driver_reports(events, 2),
             "another encoder or another gear than the configuration says",
             "set vehicle.counts_per_rev to what the node reports",
