@@ -13,10 +13,9 @@ from runtime.messages.pipe import CARRIED, SEGMENT
 from runtime.messages.tick import Record
 from runtime.printable import printable
 from runtime.record.folder import RunFolder
-from runtime.review.caption import caption, draw_end, draw_end_styles
 from runtime.review.columns import SIGMAS, ReviewColumns, mixed
 from runtime.review.curves import draw_curves, draw_speed
-from runtime.review.drawing_state import DrawingState
+from runtime.review.drawing_state import DrawingState, caption, draw_end, draw_end_styles
 from runtime.review.innovation import draw_association, draw_innovation, innovations, predicted_motion
 from runtime.review.layout import (
     DOUBTED,

@@ -16,8 +16,7 @@ from runtime.record.header import RunHeader
 from runtime.record.manifest import Manifest
 from runtime.record.room import make_room
 from runtime.record.writing.recorder import Recorder
-from runtime.review.caption import caption
-from runtime.review.drawing_state import DrawingState
+from runtime.review.drawing_state import DrawingState, caption
 from runtime.review.rebuild import build_review
 from runtime.review.viewer import (
     headless_viewer,
