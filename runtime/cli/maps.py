@@ -19,12 +19,16 @@ LOCAL_ROVER = "tcp/127.0.0.1:7448"
 def save(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run", show_default=False)],
     out: Annotated[Path, typer.Option("--out", metavar="MAP", help="file of the map; never overwritten")],
+    origin: Annotated[
+        str | None,
+        typer.Option("--origin", metavar="LAT,LON[,HEADING]", help="where on earth the map begins, degrees"),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Replay a run and keep the map that it ends with, for later drives to begin in."""
     from runtime.maps.save import save_lines, save_run
 
-    result = save_run(run, out, progress_bar("save"))
+    result = save_run(run, out, progress_bar("save"), origin)
     answer(result, save_lines(result), as_json)
 
 

@@ -110,7 +110,7 @@ def _forms(
         "ros2": lambda path: Rosbag2(path, configuration, offset_ns, resolution_m),
         "csv": lambda path: CsvFile(path, offset_ns),
         "tum": lambda path: TumFile(path, offset_ns),
-        "geojson": lambda path: GeoJsonFile(path, offset_ns, origin_of(reader.header, reader.folder, configuration)),
+        "geojson": lambda path: GeoJsonFile(path, offset_ns, origin_of(reader.header, reader.folder)),
     }
     for name, path in outputs.paths.items():
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.map_files.origin import MapOrigin
 from runtime.maps.geodetic import coordinates_note, placed
 from runtime.maps.landmark_files import landmark_geojson
 from runtime.record.reader import RecordedTick
-from runtime.settings.map import MapOrigin
 from slam.estimate import Estimate, LandmarkMap
 
 COLUMNS = (

@@ -26,7 +26,6 @@ def facts_of(configuration: Configuration, runs: tuple[str, ...], before: SavedM
         runs=runs,
         rover=configuration.rover,
         slam_sources=sources_hash(),
-        origin=configuration.map.origin,
     )
     if before is None:
         return facts

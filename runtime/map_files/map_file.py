@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import NotAMapError
+from runtime.map_files.origin import MapOrigin
 from runtime.printable import printable
-from runtime.settings.map import MapOrigin
 from slam.joint.atlas import PARENTS
 from slam.joint.window import ORPHAN
 from slam.maps.joint_map import JointMap

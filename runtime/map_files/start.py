@@ -11,11 +11,11 @@ from runtime.errors import ConfigurationError, NotAMapError, UsageError
 from runtime.map_files.fitness import distance_outside, suits
 from runtime.map_files.map_file import SavedMap, decode_map
 from runtime.map_files.map_store import read_map
+from runtime.map_files.origin import MapOrigin
 from runtime.printable import printable
 from runtime.record.folder import LARGEST_MAP_BYTES, RunFolder
 from runtime.record.header import RunHeader
 from runtime.settings.configuration import Configuration
-from runtime.settings.map import MapOrigin
 from slam.maps.start import MapStart
 from slam.pose import Pose2
 
@@ -150,10 +150,8 @@ def recorded_start(header: RunHeader, folder: RunFolder) -> RunStart | None:
         raise NotAMapError(f"{folder.path} does not say how it began in its map ({why}); take another copy") from error
 
 
-def origin_of(header: RunHeader, folder: RunFolder, configuration: Configuration) -> MapOrigin | None:
-    """Where on earth the map of a run lies: the saved one's that it began in, else the configured one's."""
-    if not header.start:
-        return configuration.map.origin
+def origin_of(header: RunHeader, folder: RunFolder) -> MapOrigin | None:
+    """Where on earth the map of a run lies, where it began in a saved one that knows."""
     try:
         start = recorded_start(header, folder)
     except NotAMapError:  # without its map nobody knows; a replay says that it is gone

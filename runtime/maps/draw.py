@@ -19,7 +19,6 @@ from runtime.maps.picture import map_png, need_pictures
 from runtime.maps.placed_scans import PlacedScans
 from runtime.record.reader import RunReader
 from runtime.record.trajectories import with_estimates
-from runtime.settings.configuration import load_configuration_text
 from slam.estimate import LandmarkMap
 from slam.joint.gaussian import CONFIRMED_LOG_ODDS
 from slam.maps.occupancy_grid import FREE, OCCUPIED, GridMap, OccupancyGrid
@@ -56,8 +55,7 @@ def draw_run(run: Path, out: Path | None, resolution_m: float | None, progress: 
     if drawn.grid is not None:
         files |= {"map.pgm": pgm(drawn.grid), "map.yaml": map_server_yaml(drawn.grid, "map.pgm")}
     landmarks = confirmed(drawn.landmarks)
-    configuration = load_configuration_text(reader.header.configuration_text, source=str(run))
-    origin = origin_of(reader.header, reader.folder, configuration)
+    origin = origin_of(reader.header, reader.folder)
     files |= {"landmarks.csv": landmark_csv(landmarks), "landmarks.geojson": landmark_geojson(landmarks, origin)}
     files["map.png"] = map_png(drawn.grid, drawn.path_m, landmarks, run.name)
     folder = out or reader.folder.path / "map"

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from drivers.measurements import FloatArray
-from runtime.settings.map import MapOrigin
+from runtime.map_files.origin import MapOrigin
 from slam.pose import rotated
 
 EQUATOR_M, FLATTENING = 6_378_137.0, 1.0 / 298.257223563  # WGS 84

@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 
+from runtime.map_files.origin import MapOrigin
 from runtime.maps.geodetic import coordinates_note, placed
 from runtime.messages.map_json import existence
-from runtime.settings.map import MapOrigin
 from slam.estimate import LandmarkMap
 
 COLUMNS = "identity,x_m,y_m,var_x_m2,cov_xy_m2,var_y_m2,existence"

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ from runtime.errors import UsageError
 from runtime.map_files.end import facts_of
 from runtime.map_files.map_file import LEAST_LANDMARKS, encode_map
 from runtime.map_files.map_store import refuse_taken, write_new_map
+from runtime.map_files.origin import parse_origin
 from runtime.map_files.start import for_estimator, recorded_start
 from runtime.record.reader import RunReader
 from runtime.replay.replay import replay
@@ -17,13 +19,15 @@ from slam.estimator import Estimator
 from slam.settings.slam import SlamSettings
 
 
-def save_run(run: Path, out: Path, progress: Callable[[float], None]) -> dict[str, Any]:
-    """The command: replay the run up to its end, and write the map that the filter has then.
+def save_run(run: Path, out: Path, progress: Callable[[float], None], origin: str | None = None) -> dict[str, Any]:
+    """The command: replay the run up to its end, and write the map that the filter has then. origin: where on earth
+    it lies, LATITUDE,LONGITUDE[,HEADING]; else what the map that the run began in knows.
 
     Raises NotARunError, RunExistsError, StorageError, ConfigurationError, and UsageError where there is no map.
     """
     began_s = time.monotonic()
     refuse_taken(out)  # before the work and not only after it
+    place = None if origin is None else parse_origin(origin)
     reader = RunReader(run)
     configuration = load_configuration_text(reader.header.configuration_text, source=f"configuration of {run}")
     start = recorded_start(reader.header, reader.folder)
@@ -37,7 +41,8 @@ def save_run(run: Path, out: Path, progress: Callable[[float], None]) -> dict[st
     joint = made[0].joint_map()
     if len(joint) < LEAST_LANDMARKS:
         raise UsageError(f"{run} has {len(joint)} confirmed landmarks: too few to find a pose in; drive farther")
-    data = encode_map(joint, facts_of(configuration, (run.resolve().name,), None if start is None else start.saved))
+    facts = facts_of(configuration, (run.resolve().name,), None if start is None else start.saved)
+    data = encode_map(joint, facts if place is None else replace(facts, origin=place))
     write_new_map(out, data)
     return {
         "run": str(run),

@@ -2,17 +2,19 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from drivers.measurements import FloatArray
+from runtime.errors import UsageError
 from runtime.map_files.end import facts_of
 from runtime.map_files.map_file import decode_map, encode_map
+from runtime.map_files.origin import MapOrigin, parse_origin
 from runtime.maps.geodetic import degrees_of
 from runtime.maps.landmark_files import landmark_geojson
 from runtime.settings.configuration import load_configuration_text
-from runtime.settings.map import MapOrigin
 from tests.support.runtime.small_maps import FACTS, small_map
 
 OSLO = MapOrigin(latitude_deg=59.9139, longitude_deg=10.7522, heading_deg=30.0)
@@ -46,10 +48,8 @@ def test_distances_and_directions_stay(latitude_deg: float, point: tuple[float, 
 
 
 def test_a_map_keeps_its_origin_and_an_older_file_has_none() -> None:
-    made = load_configuration_text(
-        "[map.origin]\nlatitude_deg = 59.9139\nlongitude_deg = 10.7522\nheading_deg = 30.0\n"
-    )
-    saved = decode_map(encode_map(small_map(), facts_of(made, ("monday",))), "hall.map")
+    facts = replace(FACTS, origin=parse_origin("59.9139,10.7522,30"))
+    saved = decode_map(encode_map(small_map(), facts), "hall.map")
     assert saved.facts.origin == OSLO
     grown = facts_of(load_configuration_text(""), ("tuesday",), saved)
     assert grown.origin == OSLO
@@ -64,3 +64,9 @@ def test_geojson_is_in_degrees_where_the_origin_is_known_and_says_so_where_not()
     places = np.array([feature["geometry"]["coordinates"] for feature in with_origin["features"]])
     np.testing.assert_allclose(places, degrees_of(OSLO, landmarks.means_m), atol=1e-8)
     assert np.abs(places - (OSLO.longitude_deg, OSLO.latitude_deg)).max() < 0.01
+
+
+@pytest.mark.parametrize("text", ["", "59.9", "59.9,10.7,1,2", "north,10", "90,0", "0,181", "nan,0", "1,2,400"])
+def test_what_is_no_origin_is_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="expected LATITUDE,LONGITUDE"):
+        parse_origin(text)
