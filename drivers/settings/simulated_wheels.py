@@ -27,6 +27,7 @@ FaultName = Literal[
     "error_warning",
     "error_flood",
     "burst",
+    "slip",
 ]
 
 
@@ -37,6 +38,7 @@ class WheelFault(BaseModel):
 
     name: FaultName = Field(description="what goes wrong")
     wheel: Literal["left", "right", "both"] = Field(default="left", description="whose frames")
+    start_s: float = Field(default=0.0, ge=0.0, le=86400.0, description="seconds until it begins")
     duration_s: float = Field(default=0.0, ge=0.0, le=3600.0, description="seconds until it ends by itself; 0: never")
     probability: float = Field(
         default=1.0,
@@ -50,15 +52,18 @@ class WheelFault(BaseModel):
         le=1e9,
         description="counts of a jump, offset of a second sender, frames of a burst",
     )
+    share: float = Field(
+        default=0.3, ge=-1.0, le=10.0, description="for slip: how much farther the wheel turns than it moves the rover"
+    )
     value: int = Field(default=2, ge=0, le=65535, description="status that is sent, or the wrong counts per turn")
 
 
 class SimulatedWheelSettings(BaseModel):
-    """Two encoder nodes on one bus, as drivers/wheels/layouts/infant.dbc describes them."""
+    """Two encoder nodes on one bus, which speak the layout of [encoders.layout]."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    counts_per_rev: int = Field(default=4096, ge=1, le=65535, description="1024 lines x 4")
+    counts_per_rev: float = Field(default=4096.0, ge=0.01, le=1e7, description="1024 lines x 4")
     wheel_radius_m: float = Field(default=0.125, gt=0.001, le=5.0, description="nominal radius; paper, Table II")
     left_radius_factor: float = Field(
         default=1.0, gt=0.5, lt=2.0, description="true left radius over the nominal; wear and air pressure"

@@ -1,6 +1,7 @@
 """What the simulated world is made of, how the rover drives through it, and what its laser measures."""
 
 import math
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -46,6 +47,7 @@ class LaserGeometrySettings(BaseModel):
     body_from_laser: tuple[float, float, float] = Field(
         default=(0.3, 0.0, 0.0), description="mount: x m, y m, heading rad of the laser in the body's frame"
     )
+    upside_down: bool = Field(default=False, description="whether it hangs, so that its beams turn the other way")
 
     @property
     def beam_spacing_rad(self) -> float:
@@ -92,8 +94,23 @@ class DriveSettings(BaseModel):
     )
 
 
+Place = Literal["park", "building", "corridor", "orchard", "empty"]
+
+
+class KidnapSettings(BaseModel):
+    """The rover is lifted and put down elsewhere; its wheels report nothing of it, and it drives on as before."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    kind: Literal["kidnap"] = Field(default="kidnap", description="what happens")
+    start_s: float = Field(default=0.0, ge=0.0, le=86400.0, description="s after the world began, or after it is typed")
+    x_m: float = Field(default=2.0, ge=-100.0, le=100.0, description="m by which it is moved along x of the map")
+    y_m: float = Field(default=1.0, ge=-100.0, le=100.0, description="m by which it is moved along y of the map")
+    turn_deg: float = Field(default=60.0, ge=-180.0, le=180.0, description="degrees by which it is turned to the left")
+
+
 class WorldSettings(BaseModel):
-    """A park, drawn from a seed: everything in it is a function of these settings and of time."""
+    """A place, drawn from a seed: everything in it is a function of these settings and of time."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -102,6 +119,11 @@ class WorldSettings(BaseModel):
         ge=0,
         le=2**32 - 1,
         description="draws places, sizes, walks and measurement noise. Change it for another park",
+    )
+    place: Place = Field(
+        default="park",
+        description="park; building: corridors in a ring with rooms, doors and glass; corridor: walls along the course "
+        "with niches; orchard: rows of trunks; empty: nobody but the people. Change it to what you will drive in",
     )
     margin_m: float = Field(default=16.0, ge=2.0, le=200.0, description="how far the park reaches beyond the course, m")
     clearance_m: float = Field(default=1.2, ge=0.5, le=10.0, description="nothing fixed is nearer to the course, m")
@@ -116,5 +138,6 @@ class WorldSettings(BaseModel):
         description="walkers: crossing, along the course, standing and then leaving. Change it to see a fuller or "
         "an empty park",
     )
+    kidnaps: tuple[KidnapSettings, ...] = Field(default=(), description="when the rover is carried away, in this order")
     drive: DriveSettings = DriveSettings()
     laser: LaserGeometrySettings = LaserGeometrySettings()

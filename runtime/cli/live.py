@@ -86,15 +86,19 @@ def stop_on_signals() -> threading.Event:
 
 
 def sim(
-    config: Annotated[Path | None, typer.Option("--config", help="TOML file with a [simulation] table")] = None,
+    config: Annotated[Path | None, typer.Option("--config", help="TOML file, or a shipped name such as mock")] = None,
     laser_only: Annotated[bool, typer.Option("--laser-only", help="only the laser, no CAN bus")] = False,
     model: Annotated[str | None, typer.Option("--model", help="laser model, for example UTM-30LX")] = None,
     listen: Annotated[str | None, typer.Option("--listen", metavar="HOST:PORT", help="where the laser listens")] = None,
     pty: Annotated[str | None, typer.Option("--pty", metavar="PATH", help="also a pseudo-terminal, linked")] = None,
+    record: Annotated[
+        Path | None, typer.Option("--record", metavar="DIR", help="keeps what was sent, for infant import")
+    ] = None,
 ) -> None:
     """Run the simulated devices alone, so that any SCIP or CAN client can be pointed at them, until Ctrl-C.
 
-    Lines on standard input let something go wrong: 'laser silence duration_s=2', 'wheels bus_off', 'clear laser'.
+    Without a table [simulation] the rover is built as the file describes it. Lines on standard input let something go
+    wrong: 'laser silence duration_s=2', 'wheels slip', 'world kidnap', 'clear laser'; 'help' lists all of them.
     """
     from runtime.errors import UsageError
     from runtime.simulation.serve import serve_laser, serve_rover
@@ -104,9 +108,9 @@ def sim(
     if laser_only:
         serve_laser(config, overrides, stop, sys.stdout, sys.stdin)
     elif config is None:
-        raise UsageError("--config: missing; give a TOML file with a [simulation] table, or --laser-only")
+        raise UsageError("--config: missing; give a TOML file or a shipped name such as mock, or --laser-only")
     else:
-        serve_rover(config, overrides, stop, sys.stdout, sys.stdin)
+        serve_rover(config, overrides, stop, sys.stdout, sys.stdin, record)
 
 
 def laser_overrides(model: str | None, listen: str | None, pty: str | None) -> dict[str, str]:

@@ -1,11 +1,21 @@
 """A configuration with which a live run cannot begin is refused before anything is started, with exit code 3."""
 
+from typing import Any
+
 import can
 
 from drivers.measurements import DriverError
 from drivers.wheels.layouts.choose import wheel_decoder
 from runtime.errors import ConfigurationError
 from runtime.settings.configuration import Configuration
+
+GEOMETRY = (
+    "vehicle.wheel_radius_left_m",
+    "vehicle.wheel_radius_right_m",
+    "vehicle.tread_m",
+    "vehicle.counts_per_rev",
+    "slam.mount.x_m",
+)
 
 
 def validate_for_live_run(configuration: Configuration, source: str) -> None:
@@ -32,3 +42,18 @@ def validate_for_live_run(configuration: Configuration, source: str) -> None:
             rover_config(configuration.publish, configuration.rover, ())
         except ConfigurationError as error:
             raise ConfigurationError(f"{source}: {error}") from error
+    if configuration.simulation is None and (absent := [key for key in GEOMETRY if not _is_set(configuration, key)]):
+        raise ConfigurationError(
+            f"{source}: {absent[0]}: missing; measure it on the rover, geometry is never guessed ('infant setup' asks "
+            "for it)"
+        )
+
+
+def _is_set(configuration: Configuration, key: str) -> bool:
+    """Whether the file itself has the key."""
+    table: Any = configuration
+    for name in key.split("."):
+        if name not in table.model_fields_set:
+            return False
+        table = getattr(table, name)
+    return True

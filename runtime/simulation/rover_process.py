@@ -9,7 +9,7 @@ from typing import Any
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.laser import LaserSettings
 from drivers.settings.simulation import SimulationSettings
-from drivers.simulated.world.world import World
+from drivers.simulated.world.places.choose import world_of
 from runtime.errors import SensorError
 from slam.pose import Pose2
 
@@ -24,7 +24,7 @@ class SimulatedRover:
     """
 
     def __init__(self, settings: SimulationSettings, laser: LaserSettings, encoders: EncoderSettings) -> None:
-        self._world = World(settings.world)
+        self._world = world_of(settings.world)
         self._start_ns: int | None = None
         self._process = subprocess.Popen(
             [sys.executable, "-m", "drivers.simulated"],

@@ -3,33 +3,54 @@
 import threading
 import time
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TextIO
 
+from pydantic import ValidationError
+
+from drivers.measurements import DriverError
+from drivers.settings.can import BusSettings
+from drivers.settings.encoders import EncoderSettings
+from drivers.settings.simulated_laser import SimulatedLaserSettings
 from drivers.settings.simulation import SimulationSettings
 from drivers.simulated.laser.device import LaserDevice
 from drivers.simulated.rover import Rover, world_for
-from drivers.simulated.world.world import World
-from runtime.errors import ConfigurationError
+from drivers.simulated.world.places.choose import world_of
+from runtime.errors import ConfigurationError, UsageError
 from runtime.settings.configuration import load_configuration, load_configuration_text
+from runtime.setup.discover.listen import can_interfaces
+from runtime.simulation.as_configured import simulation_of
+from runtime.simulation.sent import SentBytes
 from runtime.simulation.typed_faults import EXAMPLES, Device, obey_lines
 
 
 def serve_rover(
-    config: Path, overrides: dict[str, str], stop: threading.Event, stream: TextIO, faults: TextIO | None = None
+    config: Path,
+    overrides: dict[str, str],
+    stop: threading.Event,
+    stream: TextIO,
+    faults: TextIO | None = None,
+    record: Path | None = None,
 ) -> None:
     """Start all devices of a configuration, print where they are, and run until `stop`.
 
-    faults: lines that let something go wrong meanwhile, see typed_faults.py.
+    A file without the table [simulation] is simulated as it describes its rover. faults: lines that let something go
+    wrong meanwhile, see typed_faults.py. record: folder that gets what was sent.
 
-    Raises ConfigurationError when the configuration describes no simulated rover.
+    Raises ConfigurationError for a rover that cannot be simulated, UsageError, StorageError.
     """
-    configuration = load_configuration(config, overrides)
-    if configuration.simulation is None or configuration.encoders is None:
-        raise ConfigurationError(f"{config}: needs the tables [simulation] and [encoders]; see config/mock.toml")
-    rover = Rover(configuration.simulation, configuration.encoders, time.monotonic_ns)
-    rover.start()
-    try:
+    simulation, encoders = _described(config, overrides)
+    with ExitStack() as stack:
+        sent = None if record is None else stack.enter_context(SentBytes(record))
+        try:
+            rover = Rover(simulation, encoders, time.monotonic_ns)
+        except DriverError as error:
+            raise ConfigurationError(f"{config}: {error}") from error
+        stack.callback(rover.close)
+        if sent is not None:
+            rover.tap(sent.laser, sent.wheels)
+        rover.start()
         rover.drive(time.monotonic_ns())
         bus = rover.encoders.bus
         name = f"{bus.interface}:{bus.channel}" + (f":{bus.port}" if bus.port else "")
@@ -39,8 +60,27 @@ def serve_rover(
             f"try    infant setup --laser {rover.laser_url} --can {name}\n"
         )
         _wait(rover.devices, stop, stream, faults)
-    finally:
-        rover.close()
+
+
+def _described(config: Path, overrides: dict[str, str]) -> tuple[SimulationSettings, EncoderSettings]:
+    """What to simulate; on a bus of this machine alone where the file's CAN interface is not here."""
+    configuration = load_configuration(config)
+    if configuration.encoders is None:
+        raise ConfigurationError(f"{config}: needs the table [encoders]; see config/mock.toml and config/examples")
+    if configuration.simulation is not None:
+        simulation = load_configuration(config, overrides).simulation
+        assert simulation is not None
+        return simulation, configuration.encoders
+    simulation, encoders = simulation_of(configuration), configuration.encoders
+    words = {key.rpartition(".")[2]: value for key, value in overrides.items()}
+    try:
+        laser = SimulatedLaserSettings.model_validate({"model": simulation.laser.model} | words)
+    except ValidationError as error:
+        problem = error.errors()[0]
+        raise UsageError(f"{problem['loc'][0]} = {problem['input']!r}: {problem['msg']}") from error
+    if encoders.bus.interface == "socketcan" and encoders.bus.channel not in can_interfaces():
+        encoders = encoders.model_copy(update={"bus": BusSettings()})
+    return simulation.model_copy(update={"laser": laser}), encoders
 
 
 def serve_laser(
@@ -49,7 +89,7 @@ def serve_laser(
     """The laser alone, without a bus: the default world, or that of a configuration."""
     configuration = load_configuration_text("", overrides) if config is None else load_configuration(config, overrides)
     simulation = configuration.simulation or SimulationSettings()
-    world, start_ns = World(world_for(simulation)), time.monotonic_ns()
+    world, start_ns = world_of(world_for(simulation)), time.monotonic_ns()
     device = LaserDevice(simulation.laser, lambda t_ns: world.ranges_at(t_ns - start_ns), time.monotonic_ns)
     device.start()
     try:

@@ -6,12 +6,18 @@ from typing import Any, Protocol, TextIO, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from drivers.measurements import DriverError
 from drivers.settings.simulated_laser import LaserFault
 from drivers.settings.simulated_wheels import WheelFault
+from drivers.settings.simulated_world import KidnapSettings
 from runtime.errors import UsageError
 
-EXAMPLES = "for example 'laser silence duration_s=2', 'wheels bus_off duration_s=1' or 'clear laser'"
-FAULTS: dict[str, tuple[type[BaseModel], str]] = {"laser": (LaserFault, "kind"), "wheels": (WheelFault, "name")}
+EXAMPLES = "for example 'laser silence duration_s=2', 'wheels slip share=0.3', 'world kidnap' or 'clear laser'"
+FAULTS: dict[str, tuple[type[BaseModel], str]] = {
+    "laser": (LaserFault, "kind"),
+    "wheels": (WheelFault, "name"),
+    "world": (KidnapSettings, "kind"),
+}
 
 
 class Device(Protocol):
@@ -60,6 +66,8 @@ def obey(line: str, devices: Mapping[str, Device]) -> str:
         device.inject(model.model_validate(fields))
     except ValidationError as error:
         raise UsageError("; ".join(_sentence(words[0], problem) for problem in error.errors())) from error
+    except DriverError as error:
+        raise UsageError(str(error)) from error
     return f"{words[0]}: {' '.join(words[1:])}"
 
 

@@ -51,8 +51,8 @@ class LaserDevice:
         self._selector = selectors.DefaultSelector()
         self._wake_read, self._wake_write = os.pipe()
         self._thread = threading.Thread(target=self._run, name="simulated-laser", daemon=True)
-        self._closing = False
-        self._listening = False
+        self.tap: Callable[[bytes], None] | None = None  # gets what is sent
+        self._closing = self._listening = False
         self._powered = True
         self._faults: Faults = {}
         self._restart_ns: int | None = None
@@ -221,6 +221,7 @@ class LaserDevice:
         self._listening = False
 
     def _register(self, wire: Wire) -> None:
+        wire.tap = self.tap
         self._selector.register(wire.descriptor, selectors.EVENT_READ, lambda now_ns: self._answer(wire, now_ns))
 
     def _forget(self, wire: Wire | None) -> None:

@@ -20,12 +20,13 @@ RATES = {getattr(termios, f"B{rate}"): rate for rate in (9600, 19200, 38400, 576
 
 
 class Wire:
-    """A descriptor to one client: commands in, replies out, never waiting."""
+    """A descriptor to one client: commands in, replies out, never waiting. tap: gets what is sent."""
 
     def __init__(self, descriptor: int, release: Callable[[], None]) -> None:
         os.set_blocking(descriptor, False)
         self.descriptor = descriptor
         self._release = release
+        self.tap: Callable[[bytes], None] | None = None
         self._received = b""
         self._unsent = b""
 
@@ -51,6 +52,8 @@ class Wire:
     def send(self, data: bytes) -> None:
         """Queue and send; dropped as a whole if the client is too far behind."""
         if len(self._unsent) < UNSENT_BYTES:
+            if self.tap is not None:
+                self.tap(data)
             self._unsent += data
             self.flush()
 

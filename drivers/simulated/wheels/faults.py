@@ -27,6 +27,10 @@ class ActiveFault:
     since_ns: int
     held: CanFrame | None = None
 
+    def has_begun(self, now_ns: int) -> bool:
+        """True from its beginning on."""
+        return now_ns >= self.since_ns
+
     def is_over(self, now_ns: int) -> bool:
         """True where its time has run out."""
         duration_ns = self.fault.duration_s * 1e9
@@ -38,9 +42,14 @@ class ActiveFault:
 
 
 def with_fault(
-    frames: list[CanFrame], active: ActiveFault, rng: np.random.Generator, second: Callable[[], CanFrame]
+    frames: list[CanFrame],
+    active: ActiveFault,
+    rng: np.random.Generator,
+    second: Callable[[], CanFrame],
+    crc_byte: int = -1,
 ) -> list[CanFrame]:
-    """The frames of one wheel and one beat as they arrive. second: a frame of the other node under the same id."""
+    """The frames of one wheel and one beat as they arrive. second: a frame of the other node under the same id;
+    crc_byte: place of the checksum."""
     name = active.fault.name
     if name in SILENCING or name == "silence":
         return []
@@ -57,9 +66,11 @@ def with_fault(
             case "reorder":
                 result += _swapped(frame, active, hit)
             case "bad_crc" if hit:
-                result.append(frame._replace(data=frame.data[:-1] + bytes((frame.data[-1] ^ 0x5A,))))
+                data = bytearray(frame.data)
+                data[crc_byte] ^= 0x5A
+                result.append(frame._replace(data=bytes(data)))
             case "bad_length" if hit:
-                result.append(frame._replace(data=frame.data[:5]))
+                result.append(frame._replace(data=frame.data[: len(frame.data) - 3]))
             case "remote" if hit:
                 result.append(frame._replace(data=b"", flags=frame.flags | REMOTE))
             case "fd" if hit:

@@ -12,10 +12,10 @@ from drivers.canbus.frame import CanFrame
 from drivers.canbus.loopback import free_port
 from drivers.measurements import LinkError
 from drivers.settings.can import BusSettings
+from drivers.settings.encoders import EncoderSettings
 from drivers.settings.simulated_wheels import SimulatedWheelSettings, WheelFault
-from drivers.simulated.wheels.encoder_nodes import LAYOUT, EncoderNodes
+from drivers.simulated.wheels.encoder_nodes import EncoderNodes
 from drivers.stoppable_thread import StoppableThread
-from drivers.wheels.layouts.choose import layout_messages
 from drivers.wheels.readings import Wheel
 
 REOPEN_S = 0.2
@@ -23,29 +23,35 @@ GONE = (errno.ENODEV, errno.ENXIO, errno.EBADF)
 BURST_ID = 0x321  # of no wheel
 
 
-class WheelNode:
-    """Sends 0x181 and 0x182 every period and 0x701 and 0x702 every second, until close().
+def is_for_the_node_to_pick(bus: BusSettings) -> bool:
+    """Whether the simulated node shall take any port that is free."""
+    return bus.interface == "udp_multicast" and bus.port == 0
 
-    travel_at: stamp_ns (of now_ns) to the true distance in m that the left and the right wheel have rolled.
+
+class WheelNode:
+    """Sends the wheels' frames every period and the nodes' own every second, in the layout of the encoders.
+
+    tap: gets what was sent. travel_at: stamp_ns (of now_ns) to the true distance in m that the left and the right
+    wheel have rolled.
     """
 
     def __init__(
         self,
         settings: SimulatedWheelSettings,
-        bus_settings: BusSettings,
+        encoders: EncoderSettings,
         travel_at: Callable[[int], tuple[float, float]],
         now_ns: Callable[[], int],
         rng: np.random.Generator,
     ) -> None:
-        if bus_settings.interface == "udp_multicast" and bus_settings.port == 0:
-            bus_settings = bus_settings.model_copy(update={"port": free_port()})
-        self.bus = bus_settings
+        bus = encoders.bus
+        self.bus = bus.model_copy(update={"port": free_port()}) if is_for_the_node_to_pick(bus) else bus
+        self.tap: Callable[[CanFrame], None] | None = None
         self.frames_sent = 0
         self._settings = settings
         self._travel_at = travel_at
         self._now_ns = now_ns
         self._rng = rng
-        self._nodes = EncoderNodes(settings, layout_messages(LAYOUT), now_ns(), rng)
+        self._nodes = EncoderNodes(settings, encoders, now_ns(), rng)
         self._burst = 0
         self._lock = threading.Lock()
         self._thread = StoppableThread("wheel node", self._run)
@@ -57,7 +63,10 @@ class WheelNode:
         self._thread.start()
 
     def inject(self, fault: WheelFault | dict[str, Any]) -> None:
-        """Begin a fault; a dict is read as a WheelFault and pydantic's ValidationError names what is wrong."""
+        """Begin a fault; a dict is read as a WheelFault and pydantic's ValidationError names what is wrong.
+
+        Raises DriverError for one that these wheels cannot show.
+        """
         if not isinstance(fault, WheelFault):
             fault = WheelFault.model_validate(fault)
         with self._lock:
@@ -116,6 +125,8 @@ class WheelNode:
                     self._link = CanBus(self.bus, (), self._now_ns)
                 self._link.send(frame)
                 self.frames_sent += 1
+                if self.tap is not None:
+                    self.tap(frame)
             except LinkError as error:
                 if not isinstance(error, BusReadError) or error.number in GONE:
                     if self._link is not None:

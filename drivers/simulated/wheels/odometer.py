@@ -17,13 +17,21 @@ class WheelOdometer:
         self._travel_m = 0.0
         self._turned_m = 0.0
 
-    def count(self, travel_m: float) -> int:
+    @property
+    def exact_count(self) -> float:
+        """Counts since the start at the last call of `count`, with their fraction."""
+        return self._turned_m * self._counts_per_metre
+
+    def count(self, travel_m: float, slip: float = 0.0) -> int:
         """Counts since the start. travel_m: true distance so far, forward positive.
+
+        slip: share by which the wheel turns farther than it moves the rover, as on wet ground.
 
         Slip is white per way: its variance grows by slip_std_per_m**2 for each metre, never at rest.
         """
         step_m = travel_m - self._travel_m
         self._travel_m = travel_m
         if step_m != 0.0:
-            self._turned_m += step_m + self._slip * math.sqrt(abs(step_m)) * float(self._rng.standard_normal())
-        return math.floor(self._turned_m * self._counts_per_metre)
+            scatter_m = self._slip * math.sqrt(abs(step_m)) * float(self._rng.standard_normal())
+            self._turned_m += (1.0 + slip) * step_m + scatter_m
+        return math.floor(self.exact_count)

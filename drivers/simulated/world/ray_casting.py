@@ -1,8 +1,29 @@
 """Distances along rays to circles and walls, each ray with its own origin."""
 
+from typing import TypeVar
+
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
+from drivers.settings.simulated_world import LaserGeometrySettings
+
+Beams = TypeVar("Beams", FloatArray, IntArray)
+
+
+def beams_about_mount(laser: LaserGeometrySettings) -> tuple[FloatArray, FloatArray]:
+    """Bearings (n,) from the mount's heading, rising to the left, and when each is measured after step 0, s.
+
+    A laser that hangs upside down sweeps to the right, so that its last step comes first.
+    """
+    steps = np.arange(laser.beam_count, dtype=np.float64)
+    bearings_rad: FloatArray = laser.first_bearing_rad + laser.beam_spacing_rad * steps
+    delays_s: FloatArray = laser.beam_period_s * steps
+    return (-bearings_rad[::-1], delays_s[::-1]) if laser.upside_down else (bearings_rad, delays_s)
+
+
+def as_stepped(laser: LaserGeometrySettings, values: Beams) -> Beams:
+    """Values (n,) in the order of `beams_about_mount`, in that of the laser's steps."""
+    return values[::-1].copy() if laser.upside_down else values
 
 
 def pairs_in_view(

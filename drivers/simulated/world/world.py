@@ -10,9 +10,10 @@ import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
 from drivers.settings.simulated_world import WorldSettings
-from drivers.simulated.world.park import Park, plant
 from drivers.simulated.world.people import People
-from drivers.simulated.world.ray_casting import beams, circles_met, wall_hits
+from drivers.simulated.world.places.park import Park
+from drivers.simulated.world.places.planting import planted
+from drivers.simulated.world.ray_casting import as_stepped, beams, beams_about_mount, circles_met, wall_hits
 from drivers.simulated.world.rover_path import RoverPath
 from drivers.simulated.world.sweep_errors import as_measured
 
@@ -58,18 +59,16 @@ class World:
     def __init__(self, settings: WorldSettings, path: RoverPath | None = None) -> None:
         """path: another way through the same park than the settings say."""
         self.settings = settings
-        self._path = RoverPath(settings.drive) if path is None else path
+        self.path = RoverPath(settings.drive) if path is None else path
         rng = np.random.default_rng([settings.seed, 0])
-        self._park = plant(settings, self._path.course, rng)
-        corners = self._path.course.points_m(np.arange(0.0, self._path.course.length_m, 0.1))
+        self._park = planted(settings, self.path.course, rng)
+        corners = self.path.course.points_m(np.arange(0.0, self.path.course.length_m, 0.1))
         low, high = corners.min(axis=0) - settings.margin_m, corners.max(axis=0) + settings.margin_m
-        self._people = People(settings.people, self._path.course, low, high, rng)
+        self._people = People(settings.people, self.path.course, low, high, rng)
         circles = _fixed_circles(self._park)
         self._fixed_m, self._fixed_radii_m, self._fixed_surfaces, self._fixed_landmarks = circles
         laser = settings.laser
-        steps = np.arange(laser.beam_count, dtype=np.float64)
-        self._bearings_rad: FloatArray = laser.first_bearing_rad + laser.beam_spacing_rad * steps
-        self._delays_s: FloatArray = laser.beam_period_s * steps
+        self._bearings_rad, self._delays_s = beams_about_mount(laser)
 
     def landmarks(self) -> Landmarks:
         """What a perfect map would hold."""
@@ -86,12 +85,12 @@ class World:
 
     def map_from_body(self, t_ns: int) -> tuple[float, float, float]:
         """x m, y m, heading rad (unwrapped) of the body in the map; (0, 0, 0) at the start."""
-        points, headings = self._path.poses(np.array([t_ns * NANOSECOND_S]))
+        points, headings = self.path.poses(np.array([t_ns * NANOSECOND_S]))
         return float(points[0, 0]), float(points[0, 1]), float(headings[0])
 
     def wheel_travel_m(self, t_ns: int) -> tuple[float, float]:
         """How far the left and the right wheel have rolled since the world began, m, forward positive."""
-        left, right = self._path.wheel_travel_m(np.array([t_ns * NANOSECOND_S]))
+        left, right = self.path.wheel_travel_m(np.array([t_ns * NANOSECOND_S]))
         return float(left[0]), float(right[0])
 
     def ranges_at(self, t_ns: int) -> FloatArray:
@@ -99,18 +98,18 @@ class World:
         return self.sweep_at(t_ns).ranges_m
 
     def sweep_at(self, t_ns: int) -> LabelledSweep:
-        """The same with what each beam fell on; each beam is cast at its own time."""
+        """The same with what each beam fell on, in the order of the steps; each beam is cast at its own time."""
         laser = self.settings.laser
         rng = np.random.default_rng([self.settings.seed, 1, abs(t_ns)])
         time_s: FloatArray = t_ns * NANOSECOND_S + self._delays_s
-        body_m, heading = self._path.poses(time_s)
+        body_m, heading = self.path.poses(time_s)
         origins, directions = beams(body_m, heading, laser.body_from_laser, self._bearings_rad)
         ranges, surfaces, landmarks = self._cast(time_s, body_m, origins, directions, rng)
         ranges = as_measured(ranges, laser, rng)
         lost = np.isinf(ranges)
         surfaces[lost] = Surface.NOTHING
         landmarks[lost] = -1
-        return LabelledSweep(ranges, surfaces, landmarks)
+        return LabelledSweep(as_stepped(laser, ranges), as_stepped(laser, surfaces), as_stepped(laser, landmarks))
 
     def _cast(
         self,

@@ -6,9 +6,10 @@ from pathlib import Path
 from cantools.database.can import Message
 
 from drivers.settings.encoders import EncoderSettings
-from drivers.settings.layouts import Cia406Layout, DbcLayout, PresetLayout, SignalsLayout
+from drivers.settings.layouts import Cia406Layout, DbcLayout, Layout, PresetLayout, SignalsLayout
+from drivers.settings.wheel_signals import WheelSignals
 from drivers.wheels.layouts.dbc_file import dbc_messages
-from drivers.wheels.layouts.messages import is_own_direction
+from drivers.wheels.layouts.direction import is_own_direction
 from drivers.wheels.layouts.presets import preset_layout
 from drivers.wheels.layouts.routes import built_message, decoder_of, refuse_duplicate_ids
 from drivers.wheels.readings import WheelDecoder
@@ -23,8 +24,20 @@ def wheel_decoder(settings: EncoderSettings) -> WheelDecoder:
         from drivers.wheels.layouts.cia406 import cia406_decoder  # the extra canopen is needed only here
 
         return cia406_decoder(layout, settings)
+    return decoder_of(*described_wheels(layout), settings)
+
+
+def described_wheels(layout: Layout) -> tuple[dict[str, Message], WheelSignals, WheelSignals]:
+    """Messages by name, and what the left and the right wheel say in them: one description for both directions.
+
+    Raises DriverError with one sentence.
+    """
+    if isinstance(layout, Cia406Layout):
+        from drivers.wheels.layouts.cia406 import cia406_messages
+
+        return cia406_messages(layout)
     described = preset_layout(layout) if isinstance(layout, PresetLayout) else layout
-    return decoder_of(layout_messages(described), described.left, described.right, settings)
+    return layout_messages(described), described.left, described.right
 
 
 def layout_messages(layout: DbcLayout | SignalsLayout) -> dict[str, Message]:

@@ -7,6 +7,8 @@ canopen is used for the object dictionary only.
 from pathlib import Path
 from typing import Any
 
+from cantools.database.can import Message
+
 from drivers.canbus.frame import CanFrame
 from drivers.measurements import DriverError
 from drivers.settings.encoders import EncoderSettings
@@ -32,14 +34,8 @@ def cia406_decoder(layout: Cia406Layout, settings: EncoderSettings) -> WheelDeco
     """
     nodes = {Wheel.LEFT: layout.left_node, Wheel.RIGHT: layout.right_node}
     path = ENCODER_EDS if layout.file is None else Path(layout.file)
-    messages, total_range = {}, 0
-    for wheel, node in nodes.items():
-        dictionary = read_eds(path, node)
-        settings_of_message = mapped_message(dictionary, layout.tpdo, wheel, path)
-        messages[wheel.value] = built_message(settings_of_message)
-        total_range = _default(dictionary, TOTAL_RANGE, 0)
-    left, right = (WheelSignals(message=wheel.value, count="position") for wheel in nodes)
-    frames = decoder_of(messages, left, right, settings)
+    total_range = _default(read_eds(path, layout.right_node), TOTAL_RANGE, 0)
+    frames = decoder_of(*cia406_messages(layout), settings)
     routes = dict(frames.routes)
     for wheel, node in nodes.items():
         routes[HEARTBEAT + node] = Route((wheel,), False, 1, _heartbeat(wheel))
@@ -48,6 +44,18 @@ def cia406_decoder(layout: Cia406Layout, settings: EncoderSettings) -> WheelDeco
     modulus = {wheel: chosen[wheel] or total_range or frames.modulus[wheel] for wheel in nodes}
     start = tuple(CanFrame(0, 0, bytes((NMT_START, node))) for node in nodes.values() if START_NODES)
     return WheelDecoder(routes, modulus, frames.alive_modulus, True, start)
+
+
+def cia406_messages(layout: Cia406Layout) -> tuple[dict[str, Message], WheelSignals, WheelSignals]:
+    """The process data of both nodes as messages, and what the left and the right wheel read of them."""
+    nodes = {Wheel.LEFT: layout.left_node, Wheel.RIGHT: layout.right_node}
+    path = ENCODER_EDS if layout.file is None else Path(layout.file)
+    messages = {
+        wheel.value: built_message(mapped_message(read_eds(path, node), layout.tpdo, wheel, path))
+        for wheel, node in nodes.items()
+    }
+    left, right = (WheelSignals(message=wheel.value, count="position") for wheel in nodes)
+    return messages, left, right
 
 
 def read_eds(path: Path, node: int) -> Any:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from cantools.database.can import Message
@@ -11,46 +10,9 @@ from crccheck.crc import Crc
 from drivers.canbus.frame import EXTENDED, CanFrame
 from drivers.measurements import DriverError
 from drivers.settings.wheel_signals import InfoSignals, WheelSignals
-from drivers.wheels.readings import Decoded, Gear, NodeInfo, Refused, Wheel, WheelReading
-
-SENTINEL_BITS = 8  # in fewer bits all ones are a value like any other
-LEAST_FACTOR = 1e-15  # of counts in one bit, and one over the most
-HALF_STEP = 0.5  # of the raw value: a range is written down with rounded ends
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """Signal name with the factor and the offset from raw value to the wanted unit."""
-
-    name: str
-    factor: float
-    offset: float = 0.0
-
-    def value(self, raw: float) -> float:
-        """The raw value in the wanted unit; an int stays one where the factor is 1."""
-        return raw if self.factor == 1.0 and self.offset == 0.0 else raw * self.factor + self.offset
-
-
-def quantity(message: Message, name: str, unit_factor: float) -> Quantity:
-    """The signal's own scale times a factor. Raises DriverError for a name that the message does not have."""
-    signal = signal_of(message, name)
-    conversion = signal.conversion
-    scale, offset = float(getattr(conversion, "scale", 1.0)), float(getattr(conversion, "offset", 0.0))
-    factor = scale * unit_factor
-    if not LEAST_FACTOR <= abs(factor) <= 1.0 / LEAST_FACTOR or not abs(offset) < 1.0 / LEAST_FACTOR:  # false for NaN
-        raise DriverError(
-            f"signal {name} of message {message.name} has the scale ({scale:g},{offset:g}); mend the file"
-        )
-    return Quantity(name, factor, offset * unit_factor)
-
-
-def signal_of(message: Message, name: str):  # type: ignore[no-untyped-def]  # cantools exports no type for it
-    """The signal, or a sentence with the names that there are."""
-    for signal in message.signals:
-        if signal.name == name:
-            return signal
-    known = ", ".join(signal.name for signal in message.signals)
-    raise DriverError(f"signal {name}: message {message.name} has only {known}; correct the name in the layout")
+from drivers.wheels.layouts.direction import DirectionSignal, is_own_direction
+from drivers.wheels.layouts.signals import clipped, quantity, raw_limits, sentinels, signal_of, wrapped
+from drivers.wheels.readings import Decoded, NodeInfo, Refused, Wheel, WheelReading
 
 
 class FeedbackMessage:
@@ -112,6 +74,16 @@ class FeedbackMessage:
         signal = signal_of(self._message, self._signals.speed)
         return bool(signal.is_signed or signal.conversion.is_float or self._speed is None or self._speed.offset < 0.0)
 
+    @property
+    def crc_byte(self) -> int:
+        """Place of the checksum; -1: none is sent."""
+        return self._crc_byte
+
+    def shares_frame_with(self, other: "FeedbackMessage") -> bool:
+        """Whether one frame carries both wheels; those of a multiplexed message come in turn."""
+        measured = signal_of(self._message, self._signals.count or self._signals.speed)
+        return self.arbitration_id == other.arbitration_id and not measured.multiplexer_ids
+
     def _is_shared(self, name: str) -> bool:
         """Whether frames of the other wheel have this signal too, which a multiplexer tells from this wheel's."""
         measured = self._signals.count or self._signals.speed
@@ -150,6 +122,22 @@ class FeedbackMessage:
             ),
         )
 
+    def motion(self, count: float, counts_per_s: float) -> dict[str, float]:
+        """Raw values that say this of the wheel, as far as its signals can: what `decode` reads, the other way."""
+        raw: dict[str, float] = {}
+        measured = signal_of(self._message, self._signals.count or self._signals.speed)
+        if measured.multiplexer_ids:
+            raw[str(measured.multiplexer_signal)] = measured.multiplexer_ids[0]
+        if self._count is not None:
+            raw[self._count.name] = wrapped(signal_of(self._message, self._count.name), self._count.raw(count))
+        if self._speed is not None:
+            signal = signal_of(self._message, self._speed.name)
+            said = abs(counts_per_s) if self._direction is not None and not signal.is_signed else counts_per_s
+            raw[self._speed.name] = clipped(signal, self._speed.raw(said))
+        if self._direction is not None:
+            raw[self._direction.name] = self._direction.raw(counts_per_s < 0.0)
+        return raw
+
     def encode(self, values: Mapping[str, float], stamp_ns: int = 0) -> CanFrame:
         """A frame with these raw signal values, absent ones 0, and its checksum."""
         raw = {signal.name: values.get(signal.name, 0) for signal in self._message.signals}
@@ -173,63 +161,6 @@ class FeedbackMessage:
                 f"{signal.start}; name another signal in crc"
             )
         return int(start // 8)
-
-
-class DirectionSignal:
-    """Which way the wheels turn, where their message does not say it by a sign: a bit, or the gear."""
-
-    def __init__(self, message: Message, signals: WheelSignals) -> None:
-        self.name = signals.direction.rpartition(".")[2]
-        self._reverse = frozenset(signals.direction_reverse)
-        signal = signal_of(message, self.name)
-        self._unknown = frozenset({2**signal.length - 1} if signal.length > 1 else ())  # SAE J1939: two bits, 11
-
-    def of(self, values: Mapping[str, Any]) -> int:
-        """1 forward, -1 backward, 0 where these signals do not say."""
-        value = values.get(self.name)
-        if value is None or (value in self._unknown and value not in self._reverse):
-            return 0
-        return -1 if value in self._reverse else 1
-
-
-class DirectionMessage:
-    """Another message that says which way a wheel turns, such as that of the gear."""
-
-    def __init__(self, wheel: Wheel, message: Message, signals: WheelSignals) -> None:
-        self.wheel = wheel
-        self.arbitration_id = int(message.frame_id)
-        self._message = message
-        self._signal = DirectionSignal(message, signals)
-
-    def decode(self, data: bytes) -> tuple[Decoded, ...]:
-        """The direction from now on."""
-        values: dict[str, Any] = self._message.decode(data, decode_choices=False, scaling=False)  # type: ignore[assignment]
-        return (Gear(self.wheel, self._signal.of(values)),)
-
-
-def is_own_direction(signals: WheelSignals) -> bool:
-    """Whether the direction stands in the message of the wheel itself."""
-    return bool(signals.direction) and signals.direction.rpartition(".")[0] in ("", signals.message)
-
-
-def sentinels(signal) -> frozenset[int]:  # type: ignore[no-untyped-def]  # cantools exports no type for it
-    """Raw values by which devices say "not available": all ones (SAE J1939-71), or the ends of a signed range."""
-    if signal.conversion.is_float or signal.length < SENTINEL_BITS:
-        return frozenset()
-    if signal.is_signed:
-        return frozenset({-(2 ** (signal.length - 1)), 2 ** (signal.length - 1) - 1})
-    return frozenset({2**signal.length - 1})
-
-
-def raw_limits(signal) -> tuple[float, float] | None:  # type: ignore[no-untyped-def]
-    """Raw values between which a signal lies by its layout; None where that says nothing (none, or 0 to 0)."""
-    low, high = signal.minimum, signal.maximum
-    if low is None or high is None or not low < high:
-        return None
-    scale = float(getattr(signal.conversion, "scale", 1.0)) or 1.0
-    offset = float(getattr(signal.conversion, "offset", 0.0))
-    ends = sorted(((float(low) - offset) / scale, (float(high) - offset) / scale))
-    return ends[0] - HALF_STEP, ends[1] + HALF_STEP
 
 
 class InfoMessage:

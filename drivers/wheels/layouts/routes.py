@@ -9,7 +9,8 @@ from cantools.database.conversion import BaseConversion
 from drivers.measurements import DriverError
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.wheel_signals import MessageSettings, WheelSignals
-from drivers.wheels.layouts.messages import DirectionMessage, FeedbackMessage, InfoMessage, is_own_direction
+from drivers.wheels.layouts.direction import DirectionMessage, is_own_direction
+from drivers.wheels.layouts.messages import FeedbackMessage, InfoMessage
 from drivers.wheels.layouts.presets import COUNTS_PER_MOTOR_TURN
 from drivers.wheels.readings import Decoder, Route, Wheel, WheelDecoder
 
@@ -41,6 +42,16 @@ def built_message(settings: MessageSettings) -> Message:
         raise DriverError(f"message {settings.name}: {error}; correct start and length of its signals") from error
 
 
+def feedback_messages(
+    messages: dict[str, Message], left: WheelSignals, right: WheelSignals, settings: EncoderSettings
+) -> dict[Wheel, FeedbackMessage]:
+    """The fast message of each wheel, which a driver decodes and a simulated node encodes."""
+    return {
+        wheel: FeedbackMessage(wheel, _named(messages, signals.message), signals, _counts_per_s(signals, settings))
+        for wheel, signals in ((Wheel.LEFT, left), (Wheel.RIGHT, right))
+    }
+
+
 def decoder_of(
     messages: dict[str, Message], left: WheelSignals, right: WheelSignals, settings: EncoderSettings
 ) -> WheelDecoder:
@@ -50,11 +61,9 @@ def decoder_of(
         raise DriverError(f"layout: both wheels read the same signal of {left.message}; name the right wheel's own")
     if bool(left.count) != bool(right.count):
         raise DriverError("layout: one wheel has a count and the other only a speed; name the same kind for both")
-    fast, routes = {}, dict[int, Route]()
+    fast, routes = feedback_messages(messages, left, right, settings), dict[int, Route]()
     for wheel, signals in ((Wheel.LEFT, left), (Wheel.RIGHT, right)):
-        message = _named(messages, signals.message)
-        feedback = FeedbackMessage(wheel, message, signals, _counts_per_s(signals, settings))
-        fast[wheel] = feedback
+        message, feedback = _named(messages, signals.message), fast[wheel]
         shared = left.message == right.message
         _add(
             routes,

@@ -80,7 +80,7 @@ def draw_mishap(kind: MishapKind, settings: WorldSettings) -> Mishap:
             moved = (0.0, 0.0)
         if kind is MishapKind.MOVED:
             turned = 0.0
-        path = KidnappedPath(settings.drive, at_s, moved, turned)
+        path = KidnappedPath(RoverPath(settings.drive), at_s, moved, turned)
         if world.clearance_m(path.poses(np.arange(at_s, at_s + AFTERWARDS_S, 0.2))[0]) > CLEAR_M:
             return Mishap(kind, at_s, moved, turned)
     raise ValueError(f"no place to put the rover down in the park of seed {settings.seed}")
@@ -92,7 +92,7 @@ def simulated_ticks(
     """Scans at 10 Hz and wheel samples at 50 Hz: a pure function of the arguments."""
     path = None
     if mishap is not None and mishap.kind in KIDNAPPED:
-        path = KidnappedPath(settings.drive, mishap.at_s, mishap.moved_m, mishap.turned_rad)
+        path = KidnappedPath(RoverPath(settings.drive), mishap.at_s, mishap.moved_m, mishap.turned_rad)
     world, laser = World(settings, path), settings.laser
     wheels = WheelReadings(settings)
     bearings = uniform_bearings(laser.first_bearing_rad, laser.beam_spacing_rad, laser.beam_count)

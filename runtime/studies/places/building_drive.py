@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from drivers.measurements import Scan, uniform_bearings
-from drivers.simulated.world.building import Building, building_settings
+from drivers.simulated.world.places.building import Building, building_settings
 from runtime.evaluate.errors import trajectory_error
 from runtime.importers.data_set import FAST_SPACING_NS
 from runtime.importers.ticks import ticks

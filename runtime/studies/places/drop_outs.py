@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 from drivers.settings.simulated_world import WorldSettings
-from drivers.simulated.world.building import Building, building_settings
+from drivers.simulated.world.places.building import Building, building_settings
 from runtime.studies.jobs import Result
 from runtime.studies.loss_detection.drives import simulated_ticks
 from runtime.studies.places.building_drive import building_ticks

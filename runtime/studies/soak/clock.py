@@ -16,8 +16,10 @@ class LeapingClock:
     until then. One thread sleeps, any may ask for the time.
     """
 
-    def __init__(self, speed: float, meanwhile: Meanwhile) -> None:
+    def __init__(self, speed: float, meanwhile: Meanwhile, work_takes_time: bool = True) -> None:
+        """work_takes_time: False where time shall stand while the loop works, so that no computer is too slow."""
         self._speed = speed
+        self._work_takes_time = work_takes_time
         self._meanwhile = meanwhile
         self._skipped_ns = 0
         self._standing_ns: int | None = None
@@ -39,8 +41,9 @@ class LeapingClock:
         early_ns = real_ns + (self._standing_ns - own_ns) / self._speed - time.monotonic_ns()
         if early_ns > 0:
             time.sleep(early_ns * 1e-9)
-        self._skipped_ns = self._standing_ns - time.monotonic_ns()
-        self._standing_ns = None
+        if self._work_takes_time:
+            self._skipped_ns = self._standing_ns - time.monotonic_ns()
+            self._standing_ns = None
 
     def _leap(self, to_ns: int) -> None:
         assert self._standing_ns is not None

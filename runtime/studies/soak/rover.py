@@ -12,7 +12,7 @@ from drivers.settings.laser import LaserSettings
 from drivers.settings.simulation import SimulationSettings
 from drivers.simulated.laser.device import LaserDevice
 from drivers.simulated.rover import FAR_NS, WHEEL_STREAM, world_for
-from drivers.simulated.world.world import World
+from drivers.simulated.world.places.choose import world_of
 from runtime.studies.soak.clock import Leap
 from runtime.studies.soak.scans_ahead import ScansAhead
 from runtime.studies.soak.wheels import SteppedWheels
@@ -22,7 +22,7 @@ from slam.pose import Pose2
 CHANNEL = "infant-soak"
 BEFORE_START_S = 0.01
 POLL_S = 1e-4
-HAND_OVER_S = 0.25  # after this long in real time the drivers are not waited for
+HAND_OVER_S = 0.25
 DEEP = 400  # values in the queue of a sink; at ten times life's pace 150 gather between two wakes of the recorder
 DEEP_BY_SINK = {"publish": 10}  # of the 20 ticks that it keeps
 SINKS_S, SINKS_POLL_S = 30.0, 0.005
@@ -42,18 +42,23 @@ class SteppedRover:
         laser: LaserSettings,
         encoders: EncoderSettings,
         now_ns: Callable[[], int],
+        hand_over_s: float = HAND_OVER_S,
     ) -> None:
+        """hand_over_s: after this long in real time the drivers are not waited for."""
         settings = world_for(simulation)
         self.not_taken, self.waited_s = 0, 0.0
         self._closed = False
+        self._hand_over_s = hand_over_s
         self._now_ns = now_ns
-        self._world = World(settings)
+        self._world = world_of(settings)
         self._start_ns: int | None = None
         self._sweeps = ScansAhead(settings)
         self._device = LaserDevice(simulation.laser, lambda t_ns: self._sweeps.at(self._world_ns(t_ns)), now_ns)
+        bus = encoders.bus.model_copy(update={"interface": "virtual", "channel": CHANNEL, "options": {}})
+        self.encoders = encoders.model_copy(update={"bus": bus})
         self._wheels = SteppedWheels(
             simulation.wheels,
-            CHANNEL,
+            self.encoders,
             lambda t_ns: self._world.wheel_travel_m(self._world_ns(t_ns)),
             now_ns(),
             np.random.default_rng([simulation.world.seed, WHEEL_STREAM]),
@@ -64,9 +69,7 @@ class SteppedRover:
         self._before = threading.Thread(target=self._live_before, name="soak", daemon=True)
         self._device.start()
         self._before.start()
-        self.laser = laser.model_copy(update={"url": self._device.url})
-        bus = encoders.bus.model_copy(update={"interface": "virtual", "channel": CHANNEL, "options": {}})
-        self.encoders = encoders.model_copy(update={"bus": bus})
+        self.laser = laser.model_copy(update={"url": self._device.pty_url or self._device.url})
 
     def meet(self, laser: Laser, encoders: Encoders, sinks: Mapping[str, Sink]) -> None:
         """Those who have to take what they get before time goes on: the threads of the sinks have no leaping clock."""
@@ -126,7 +129,7 @@ class SteppedRover:
         return all(ages_s.get(f"{wheel}_age_s", np.inf) <= age_s + NEWEST_S for wheel, age_s in sent_s.items())
 
     def _await(self, is_taken: Callable[[], bool]) -> bool:
-        until_s = time.monotonic() + HAND_OVER_S
+        until_s = time.monotonic() + self._hand_over_s
         while not is_taken():
             if time.monotonic() > until_s:
                 self.not_taken += 1

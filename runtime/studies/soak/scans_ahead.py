@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.settings.simulated_world import WorldSettings
-from drivers.simulated.world.world import World
+from drivers.simulated.world.places.choose import world_of
 from runtime.errors import SensorError
 
 TIME = struct.Struct("<q")
@@ -81,7 +81,7 @@ class ScansAhead:
 
 def serve(orders: IO[bytes], answers: IO[bytes]) -> None:
     """Cast what is asked for until the orders end."""
-    world = World(WorldSettings.model_validate_json(orders.readline()))
+    world = world_of(WorldSettings.model_validate_json(orders.readline()))
     while len(order := orders.read(TIME.size)) == TIME.size:
         answers.write(world.ranges_at(TIME.unpack(order)[0]).astype(np.float64).tobytes())
         answers.flush()

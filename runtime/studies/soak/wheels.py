@@ -8,9 +8,9 @@ import numpy as np
 
 from drivers.canbus.bus import message_of
 from drivers.canbus.frame import CanFrame
+from drivers.settings.encoders import EncoderSettings
 from drivers.settings.simulated_wheels import SimulatedWheelSettings
-from drivers.simulated.wheels.encoder_nodes import LAYOUT, EncoderNodes
-from drivers.wheels.layouts.choose import layout_messages
+from drivers.simulated.wheels.encoder_nodes import EncoderNodes
 from drivers.wheels.readings import Wheel
 
 JITTER_MAX = 0.4  # of the period
@@ -19,14 +19,15 @@ JITTER_MAX = 0.4  # of the period
 class SteppedWheels:
     """The same frames as the node of a simulated rover sends; a frame's stamp is the moment when it was due.
 
-    travel_at: stamp_ns to the true distance in m that the left and the right wheel have rolled.
+    encoders: whose layout they speak, on the virtual bus of its channel. travel_at: stamp_ns to the true distance in m
+    that the left and the right wheel have rolled.
     newest_ns: stamp of the newest frame of each wheel that was sent.
     """
 
     def __init__(
         self,
         settings: SimulatedWheelSettings,
-        channel: str,
+        encoders: EncoderSettings,
         travel_at: Callable[[int], tuple[float, float]],
         start_ns: int,
         rng: np.random.Generator,
@@ -35,7 +36,8 @@ class SteppedWheels:
         self._settings = settings
         self._travel_at = travel_at
         self._rng = rng
-        self._nodes = EncoderNodes(settings, layout_messages(LAYOUT), start_ns, rng)
+        self._nodes = EncoderNodes(settings, encoders, start_ns, rng)
+        channel = encoders.bus.channel
         self._bus = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True, ignore_config=True)
         self._due: deque[tuple[Wheel | None, CanFrame]] = deque()
         self._next_ns = self._next_info_ns = start_ns

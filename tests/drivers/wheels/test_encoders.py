@@ -80,7 +80,7 @@ class Tap:
 @contextmanager
 def pair_on(bus: BusSettings, tap: Tap | None = None) -> Iterator[tuple[WheelNode, Listener]]:
     """A node that is heard from its first frame on."""
-    node = WheelNode(NOISELESS, bus, straight, time.monotonic_ns, np.random.default_rng(1))
+    node = WheelNode(NOISELESS, EncoderSettings(bus=bus), straight, time.monotonic_ns, np.random.default_rng(1))
     encoders = CanEncoders(EncoderSettings(bus=node.bus), time.monotonic_ns, tap)
     encoders.start()
     assert wait_until(lambda: encoders.health().counters.get("bus.sessions", 0) >= 1)
@@ -133,8 +133,8 @@ CHILD = """
 import sys, time, json, numpy as np
 from drivers.simulated.wheels.node import WheelNode
 from drivers.settings.simulated_wheels import SimulatedWheelSettings
-from drivers.settings.can import BusSettings
-node = WheelNode(SimulatedWheelSettings(slip_std_per_m=0.0), BusSettings(),
+from drivers.settings.encoders import EncoderSettings
+node = WheelNode(SimulatedWheelSettings(slip_std_per_m=0.0), EncoderSettings(),
                  lambda t: (t * 1e-9, t * 1.2e-9), time.monotonic_ns, np.random.default_rng(1))
 node.start()
 print(node.bus.model_dump_json(), flush=True)
@@ -219,7 +219,7 @@ def test_a_fault_while_running_fails_the_sensor_and_it_is_back_after_its_end(
 def test_a_node_with_other_counts_per_turn_is_refused_by_name() -> None:
     settings = NOISELESS.model_copy(update={"counts_per_rev": 2048})
     bus = virtual_bus()
-    node = WheelNode(settings, bus, straight, time.monotonic_ns, np.random.default_rng(1))
+    node = WheelNode(settings, EncoderSettings(bus=bus), straight, time.monotonic_ns, np.random.default_rng(1))
     encoders = CanEncoders(EncoderSettings(bus=bus), time.monotonic_ns)
     encoders.start()
     node.start()
@@ -317,11 +317,10 @@ def send_slcan(leader: int, listener: Listener, wanted: int) -> None:
 
 
 def nodes_at_rest() -> Callable[[int], list[CanFrame]]:
-    from drivers.simulated.wheels.encoder_nodes import LAYOUT, EncoderNodes
-    from drivers.wheels.layouts.choose import layout_messages
+    from drivers.simulated.wheels.encoder_nodes import EncoderNodes
     from drivers.wheels.readings import Wheel
 
-    nodes = EncoderNodes(NOISELESS, layout_messages(LAYOUT), 0, np.random.default_rng(1))
+    nodes = EncoderNodes(NOISELESS, EncoderSettings(), 0, np.random.default_rng(1))
     return lambda beat: [frame for wheel in Wheel for frame in nodes.beat(wheel, beat * 20_000_000, 0.0)]
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from drivers.measurements import Event
-from drivers.simulated.world.building import Building, building_settings
+from drivers.simulated.world.places.building import Building, building_settings
 from runtime.errors import ConfigurationError, NotAMapError, UsageError
 from runtime.map_files.end import end_in_map, end_lines
 from runtime.map_files.map_store import read_map

@@ -96,6 +96,7 @@ AT_THE_COMMAND_LINE = [
     ("no laser", ROVER.replace("[laser]\nurl", "rover"), "expected"),
     ("a wrong type", b"seed = 'one'\n", "seed = 'one': expected a valid integer"),
     ("no sensors", b"seed = 1\n", "laser: missing; a live run needs the tables [laser] and [encoders]"),
+    ("no geometry", ROVER, "vehicle.wheel_radius_left_m: missing; measure it on the rover"),
     ("no such bus", ROVER.replace("virtual", "socketcam"), "encoders.bus.interface = 'socketcam': expected one of"),
     (
         "no such DBC",

@@ -188,13 +188,20 @@ def test_a_machine_that_cannot_be_installed_into_is_refused_with_code_4(tmp_path
     assert "Traceback" not in done.stderr
 
 
+MEASURED = (
+    "[vehicle]\nwheel_radius_left_m = 0.1\nwheel_radius_right_m = 0.1\ntread_m = 0.4\ncounts_per_rev = 4096.0\n"
+    "[slam.mount]\nx_m = 0.2\n"
+)
+
+
 def test_the_dbc_of_a_configuration_goes_with_it(tmp_path: Path) -> None:
     folder, root = tmp_path / "mine", tmp_path / "root"
     (folder / "maker").mkdir(parents=True)
     root.mkdir()
     shutil.copy(ROVER_DBC, folder / "maker" / "wheels.dbc")
     source = folder / "rover.toml"
-    source.write_text('[laser]\n[encoders.bus]\nport = 1\n[encoders.layout]\nkind = "dbc"\nfile = "maker/wheels.dbc"\n')
+    layout = '[laser]\n[encoders.bus]\nport = 1\n[encoders.layout]\nkind = "dbc"\nfile = "maker/wheels.dbc"\n'
+    source.write_text(MEASURED + layout)
     install.apply(install.plan_install(root, SHIPPED_PROGRAM, source), lambda _command: None)
     assert (root / "etc/infant/maker/wheels.dbc").read_bytes() == ROVER_DBC.read_bytes()
     there = load_configuration(root / CONFIGURATION).encoders

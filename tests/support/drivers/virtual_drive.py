@@ -10,10 +10,9 @@ from drivers.canbus.error_frames import ErrorFrames
 from drivers.canbus.frame import ERROR, CanFrame
 from drivers.measurements import WheelCounts
 from drivers.settings.encoders import EncoderSettings
-from drivers.settings.layouts import DbcLayout
 from drivers.settings.simulated_wheels import SimulatedWheelSettings, WheelFault
 from drivers.simulated.wheels.encoder_nodes import EncoderNodes
-from drivers.wheels.layouts.choose import layout_messages, wheel_decoder
+from drivers.wheels.layouts.choose import wheel_decoder
 from drivers.wheels.pair import WheelPair
 from drivers.wheels.readings import Wheel
 
@@ -21,7 +20,6 @@ BEAT_NS = 20_000_000
 START_NS = 5_000_000_000
 SETTINGS = EncoderSettings()
 FRAMES = wheel_decoder(SETTINGS)
-MESSAGES = layout_messages(DbcLayout())
 
 
 @dataclass
@@ -35,7 +33,7 @@ class VirtualDrive:
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
         self.now_ns = START_NS
-        self.nodes = EncoderNodes(self.settings, MESSAGES, START_NS, self.rng)
+        self.nodes = EncoderNodes(self.settings, self.encoders, START_NS, self.rng)
         self.pair = WheelPair(self.encoders, FRAMES if self.encoders == SETTINGS else wheel_decoder(self.encoders))
         self.errors = ErrorFrames()
         self.samples: list[WheelCounts] = []

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from drivers.measurements import Scan
-from drivers.simulated.world.building import Building, building_settings
+from drivers.simulated.world.places.building import Building, building_settings
 from runtime.studies.places.building_drive import building_ticks
 
 BEAMS = 541

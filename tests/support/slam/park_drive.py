@@ -105,7 +105,7 @@ def walkers(world: World, scan: Scan, sweep: LabelledSweep, map_from_laser: Pose
     if count == 0 or on_people.size == 0:
         return walking
     times = scan.stamp_ns * 1e-9 + np.array((-0.5, 0.0, 0.5))
-    circles = world._people.circles_m(times, world._path.poses(times)[0])
+    circles = world._people.circles_m(times, world.path.poses(times)[0])
     middles = 0.5 * (circles[:, :count] + circles[:, count:])
     speeds = np.hypot(*(middles[2] - middles[0]).T)
     ranges, bearings = sweep.ranges_m[on_people], scan.bearings_rad[on_people]

@@ -15,9 +15,8 @@ from drivers.measurements import SensorState, WheelCounts
 from drivers.settings.can import BusSettings
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.simulated_wheels import SimulatedWheelSettings
-from drivers.simulated.wheels.encoder_nodes import LAYOUT, EncoderNodes
+from drivers.simulated.wheels.encoder_nodes import EncoderNodes
 from drivers.wheels.encoders import CanEncoders
-from drivers.wheels.layouts.choose import layout_messages
 from drivers.wheels.readings import Wheel
 from tests.system.bench.guest import burst, inject_error, load_modules, report, shell
 
@@ -29,7 +28,9 @@ import sys, time, numpy as np
 from drivers.simulated.wheels.node import WheelNode
 from drivers.settings.simulated_wheels import SimulatedWheelSettings
 from drivers.settings.can import BusSettings
-node = WheelNode(SimulatedWheelSettings(slip_std_per_m=0.0), BusSettings(interface="socketcan", channel="vcan0"),
+from drivers.settings.encoders import EncoderSettings
+encoders = EncoderSettings(bus=BusSettings(interface="socketcan", channel="vcan0"))
+node = WheelNode(SimulatedWheelSettings(slip_std_per_m=0.0), encoders,
                  lambda t: (t * 1e-9 * {LEFT_MPS}, t * 1e-9 * {RIGHT_MPS}), time.monotonic_ns, np.random.default_rng(1))
 node.start()
 sys.stdin.read()
@@ -148,9 +149,7 @@ def on_slcan() -> None:
         time.sleep(0.02)
     shell("ip link set slcan0 up")
     watch = Watch(BusSettings(interface="socketcan", channel="slcan0"))
-    nodes = EncoderNodes(
-        SimulatedWheelSettings(slip_std_per_m=0.0), layout_messages(LAYOUT), 0, np.random.default_rng(1)
-    )
+    nodes = EncoderNodes(SimulatedWheelSettings(slip_std_per_m=0.0), EncoderSettings(), 0, np.random.default_rng(1))
 
     def send() -> bool:
         now_ns = time.monotonic_ns()

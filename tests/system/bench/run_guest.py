@@ -32,6 +32,11 @@ LEFT_ID, RIGHT_ID = 0x181, 0x182
 # slow, because a guest without real time stamps late by tens of ms; no slip, so that every count is accounted for
 ROVER = """
 rover = "bench"
+[vehicle]
+wheel_radius_left_m = 0.125
+wheel_radius_right_m = 0.125
+tread_m = 0.5
+counts_per_rev = 4096
 [encoders.bus]
 interface = "socketcan"
 channel = "{channel}"

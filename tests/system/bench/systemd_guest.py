@@ -24,6 +24,11 @@ ROVER = Path("/etc/infant/rover.toml")
 UNIT = "infant.service"
 PTRACE_SEIZE, PTRACE_INTERRUPT, WALL = 0x4206, 0x4207, 0x40000000
 DESK = """
+[vehicle]
+wheel_radius_left_m = 0.125
+wheel_radius_right_m = 0.125
+tread_m = 0.5
+counts_per_rev = 4096
 [laser]
 url = "tcp://127.0.0.1:10940"
 [encoders.bus]

@@ -10,15 +10,14 @@ from drivers.canbus.frame import CanFrame
 from drivers.settings.can import BusSettings
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.simulated_wheels import SimulatedWheelSettings
-from drivers.simulated.wheels.encoder_nodes import LAYOUT, EncoderNodes
+from drivers.simulated.wheels.encoder_nodes import EncoderNodes
 from drivers.simulated.wheels.node import WheelNode
 from drivers.simulated.wheels.odometer import WheelOdometer
-from drivers.wheels.layouts.choose import layout_messages, wheel_decoder
+from drivers.wheels.layouts.choose import wheel_decoder
 from drivers.wheels.readings import NodeInfo, Wheel, WheelReading
 from tests.support.drivers.waiting import wait_until
 
 FRAMES = wheel_decoder(EncoderSettings())
-MESSAGES = layout_messages(LAYOUT)
 COUNTS_PER_METRE = EncoderSettings().counts_per_metre
 
 
@@ -53,7 +52,7 @@ def test_slip_grows_with_the_root_of_the_way_whatever_the_step_and_never_at_rest
 def nodes(**settings: object) -> EncoderNodes:
     return EncoderNodes(
         SimulatedWheelSettings.model_validate({"slip_std_per_m": 0.0, **settings}),
-        MESSAGES,
+        EncoderSettings(),
         0,
         np.random.default_rng(1),
     )
@@ -110,15 +109,16 @@ def test_faults_from_the_configuration_are_on_from_the_start_and_end_by_themselv
 
 
 def test_a_misspelt_fault_is_refused_by_name() -> None:
-    bus = BusSettings(interface="virtual", channel="none")
-    node = WheelNode(SimulatedWheelSettings(), bus, lambda _: (0.0, 0.0), time.monotonic_ns, np.random.default_rng(1))
+    encoders = EncoderSettings(bus=BusSettings(interface="virtual", channel="none"))
+    rng = np.random.default_rng(1)
+    node = WheelNode(SimulatedWheelSettings(), encoders, lambda _: (0.0, 0.0), time.monotonic_ns, rng)
     with pytest.raises(ValidationError, match="silense"):
         node.inject({"name": "silense"})
 
 
 def test_the_same_seed_sends_the_same_bytes() -> None:
     def sent() -> list[CanFrame]:
-        pair = EncoderNodes(SimulatedWheelSettings(), MESSAGES, 0, np.random.default_rng(7))
+        pair = EncoderNodes(SimulatedWheelSettings(), EncoderSettings(), 0, np.random.default_rng(7))
         return [frame for beat in range(50) for frame in pair.beat(Wheel.LEFT, beat * 20_000_000, beat * 0.03)]
 
     assert sent() == sent()
@@ -127,8 +127,9 @@ def test_the_same_seed_sends_the_same_bytes() -> None:
 def test_a_node_on_a_bus_never_sends_faster_than_its_period_and_tells_what_it_is() -> None:
     bus = BusSettings(interface="virtual", channel="wheel node")
     settings = SimulatedWheelSettings(info_period_s=0.2)
-    listener = CanBus(bus, (), time.monotonic_ns)
-    node = WheelNode(settings, bus, lambda t: (t * 1e-9, t * 1e-9), time.monotonic_ns, np.random.default_rng(1))
+    listener, encoders = CanBus(bus, (), time.monotonic_ns), EncoderSettings(bus=bus)
+    rng = np.random.default_rng(1)
+    node = WheelNode(settings, encoders, lambda t: (t * 1e-9, t * 1e-9), time.monotonic_ns, rng)
     node.start()
     frames: list[CanFrame] = []
 

@@ -3,7 +3,7 @@ import pytest
 
 from drivers.measurements import FloatArray
 from drivers.settings.simulated_world import LaserGeometrySettings, WorldSettings
-from drivers.simulated.world.building import Building, building_settings
+from drivers.simulated.world.places.building import Building, building_settings
 from drivers.simulated.world.ray_casting import segments_met, wall_hits
 from drivers.simulated.world.world import LabelledSweep, Surface
 

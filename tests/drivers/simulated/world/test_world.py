@@ -58,7 +58,7 @@ def test_driving_the_wheel_travel_from_one_true_pose_arrives_at_the_next(time_s:
 
 
 def test_a_lap_closes_and_the_next_one_is_the_same() -> None:
-    course = World(WorldSettings())._path.course
+    course = World(WorldSettings()).path.course
     arc = np.linspace(0.0, course.length_m, 50)
     np.testing.assert_allclose(course.points_m(arc + 3 * course.length_m), course.points_m(arc), atol=1e-7)
     assert course.lap_turn_rad == pytest.approx(2.0 * math.pi)
@@ -97,7 +97,7 @@ def test_what_the_rover_does_during_a_sweep_is_seen_in_the_sweep() -> None:
 
 
 def test_everything_that_stands_in_the_park_is_seen_from_the_course_and_nothing_stands_on_it() -> None:
-    course = WORLD._path.course
+    course = WORLD.path.course
     path = course.points_m(np.linspace(0.0, course.length_m, 400))
     true = WORLD.landmarks()
     gaps = np.hypot(*(path[:, None] - true.positions_m).transpose(2, 0, 1)) - true.radii_m
@@ -111,7 +111,7 @@ def test_everything_that_stands_in_the_park_is_seen_from_the_course_and_nothing_
 
 def test_people_walk_and_give_way_to_the_rover() -> None:
     times = np.arange(0.0, 120.0, 0.25)
-    rover, _ = WORLD._path.poses(times)
+    rover, _ = WORLD.path.poses(times)
     circles = WORLD._people.circles_m(times, rover)
     gap = np.hypot(*(circles - rover[:, None]).transpose(2, 0, 1)) - WORLD._people.radii_m
     assert gap.min() > 0.5

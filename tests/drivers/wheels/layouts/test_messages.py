@@ -8,8 +8,8 @@ import pytest
 
 from drivers.canbus.frame import CanFrame
 from drivers.settings.wheel_signals import MessageSettings, SignalSettings
-from drivers.wheels.layouts.messages import quantity
 from drivers.wheels.layouts.routes import built_message
+from drivers.wheels.layouts.signals import quantity
 from drivers.wheels.pair import WheelPair
 from drivers.wheels.readings import Refused, Wheel, WheelReading
 from tests.support.drivers.dbc import COUNTS, HEAD, feed, message, plain, turned_counts, wheels

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.measurements import Scan
-from drivers.simulated.world.building import Building, building_settings
+from drivers.simulated.world.places.building import Building, building_settings
 from runtime.studies.places.building_drive import building_drive, building_ticks
 from runtime.studies.places.figures import quality_shares
 from slam.estimate import Quality

@@ -6,9 +6,9 @@ import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from drivers.settings.simulated_world import DriveSettings, LaserGeometrySettings, WorldSettings
-from drivers.simulated.world.floor_plan import RING_M, draw_floor
 from drivers.simulated.world.people import CorridorPeople
-from drivers.simulated.world.ray_casting import beams, circles_met, segments_met
+from drivers.simulated.world.places.floor_plan import RING_M, draw_floor
+from drivers.simulated.world.ray_casting import as_stepped, beams, beams_about_mount, circles_met, segments_met
 from drivers.simulated.world.rover_path import RoverPath
 from drivers.simulated.world.sweep_errors import as_measured
 from drivers.simulated.world.world import LabelledSweep, Surface
@@ -35,10 +35,10 @@ def building_settings(seed: int, beam_count: int = 1081, people: int = 8) -> Wor
 class Building:
     """What the rover's laser and wheels would measure in it, with the truth about both."""
 
-    def __init__(self, settings: WorldSettings) -> None:
-        """settings: of building_settings; seed, people, laser and the speed of the drive may differ."""
+    def __init__(self, settings: WorldSettings, path: RoverPath | None = None) -> None:
+        """settings: of building_settings; seed, people, laser and the speed of the drive may differ. path: another."""
         self.settings = settings
-        self.path = RoverPath(settings.drive)
+        self.path = RoverPath(settings.drive) if path is None else path
         rng = np.random.default_rng([settings.seed, BUILDING_STREAM])
         self.floor = draw_floor(rng)
         self._people = CorridorPeople(settings.people, self.path.course, BESIDE_M, rng)
@@ -47,9 +47,7 @@ class Building:
         kinds = np.concatenate((np.full(len(self.floor.glass), Surface.WALL), np.full(doors, Surface.DOOR)))
         self._kinds: IntArray = np.where(glass, Surface.GLASS, kinds)
         laser = settings.laser
-        steps = np.arange(laser.beam_count, dtype=np.float64)
-        self._bearings_rad: FloatArray = laser.first_bearing_rad + laser.beam_spacing_rad * steps
-        self._delays_s: FloatArray = laser.beam_period_s * steps
+        self._bearings_rad, self._delays_s = beams_about_mount(laser)
 
     def map_from_body(self, t_ns: int) -> tuple[float, float, float]:
         """x m, y m, heading rad (unwrapped) of the body in the map; (0, 0, 0) at the start."""
@@ -61,6 +59,10 @@ class Building:
         left, right = self.path.wheel_travel_m(np.array([t_ns * 1e-9]))
         return float(left[0]), float(right[0])
 
+    def ranges_at(self, t_ns: int) -> FloatArray:
+        """(beam_count,) m of the sweep whose step 0 is measured at t_ns; inf where nothing came back."""
+        return self.sweep_at(t_ns).ranges_m
+
     def sweep_at(self, t_ns: int) -> LabelledSweep:
         """The sweep whose step 0 is measured at t_ns; doors stand as they do in its middle."""
         laser = self.settings.laser
@@ -71,7 +73,7 @@ class Building:
         ranges, surfaces = self._cast(time_s, body_m, origins, directions, rng)
         ranges = as_measured(ranges, laser, rng)
         surfaces[np.isinf(ranges)] = Surface.NOTHING
-        return LabelledSweep(ranges, surfaces, np.full(len(ranges), -1))
+        return LabelledSweep(as_stepped(laser, ranges), as_stepped(laser, surfaces), np.full(len(ranges), -1))
 
     def _cast(
         self,

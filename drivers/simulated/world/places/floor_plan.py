@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray
-from drivers.simulated.world.doors import WIDTH_M, Doors
+from drivers.simulated.world.places.doors import WIDTH_M, Doors
 
 RING_M = (61.0, 15.5)  # centre line of the corridors; with its rounded corners a lap is 150 m
 HALF_WIDTH_M = 1.2

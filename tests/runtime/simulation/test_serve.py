@@ -1,0 +1,51 @@
+"""`infant sim` as a desk: any configuration's rover, faults of its world, and a record of what was sent."""
+
+import io
+import threading
+from pathlib import Path
+
+import pytest
+
+from drivers.settings.simulated_world import KidnapSettings
+from runtime.api.simulated import SimulatedRover
+from runtime.errors import RunExistsError, UsageError
+from runtime.importers.wire_captures import load_candump
+from runtime.settings.configuration import load_configuration
+from runtime.simulation.serve import serve_rover
+from runtime.simulation.typed_faults import obey
+from tests.support.drivers.waiting import wait_until
+
+ODRIVE = Path("examples/ust_odrive")
+
+
+def test_a_rover_without_a_simulation_is_simulated_as_its_file_says_and_what_it_sends_is_kept(tmp_path: Path) -> None:
+    stop, stream, folder = threading.Event(), io.StringIO(), tmp_path / "sent"
+    words = {"simulation.laser.model": "UST-20LX"}
+    desk = threading.Thread(target=serve_rover, args=(ODRIVE, words, stop, stream, None, folder))
+    desk.start()
+    candump = folder / "wheels.candump"
+    try:
+        assert wait_until(lambda: candump.exists() and candump.stat().st_size > 4096)
+    finally:
+        stop.set()
+        desk.join()
+    assert "infant setup --laser tcp://127.0.0.1:" in stream.getvalue()
+    encoders = load_configuration(ODRIVE).encoders
+    assert encoders is not None
+    assert len(load_candump(candump, encoders).arrays["wheel_t"]) > 20
+    with pytest.raises(RunExistsError, match="give another name"):
+        serve_rover(ODRIVE, words, stop, stream, None, folder)
+    with pytest.raises(UsageError, match="model = 'UST-99'"):
+        serve_rover(ODRIVE, {"simulation.laser.model": "UST-99"}, stop, stream)
+
+
+def test_a_typed_kidnapping_moves_the_rover_and_a_fault_without_its_signal_is_refused() -> None:
+    with SimulatedRover(load_configuration("mock")) as rover:
+        rover.drive()
+        devices = rover._rover.devices
+        before = rover._rover.world.map_from_body(0)
+        obey("world kidnap x_m=3 y_m=0 turn_deg=0", {"world": devices["world"]})
+        moved = rover._rover.world.map_from_body(60_000_000_000)[0] - rover._rover.world.map_from_body(0)[0]
+        assert before == (0.0, 0.0, 0.0)
+        assert moved != 0.0
+        assert KidnapSettings().kind in obey("help", devices)
