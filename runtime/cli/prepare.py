@@ -92,6 +92,9 @@ def setup(
     can: Annotated[
         str | None, typer.Option("--can", metavar="BUS", help="can0, or INTERFACE:CHANNEL[:PORT]; else looked for")
     ] = None,
+    dbc: Annotated[
+        Path | None, typer.Option("--dbc", metavar="FILE", help="of the wheels' maker; tried against what is heard")
+    ] = None,
     wheel_radius: Annotated[float | None, typer.Option("--wheel-radius", help=GEOMETRY["--wheel-radius"])] = None,
     tread: Annotated[float | None, typer.Option("--tread", help=GEOMETRY["--tread"])] = None,
     counts_per_rev: Annotated[float | None, typer.Option("--counts-per-rev", help=GEOMETRY["--counts-per-rev"])] = None,
@@ -117,7 +120,7 @@ def setup(
         radius, width, counts, ahead = (float(value or 0.0) for value in given.values())
         return Geometry(radius, width, counts, ahead, backwards, upside_down)
 
-    result = set_up(out, rover, Known(laser, can), geometry, lambda line: say(line, err=as_json))
+    result = set_up(out, rover, Known(laser, can, dbc), geometry, lambda line: say(line, err=as_json))
     answer(result.as_json(), next_lines(out), as_json)
 
 

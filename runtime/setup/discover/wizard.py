@@ -12,6 +12,7 @@ from runtime.atomic_write import atomic_write
 from runtime.errors import SensorError, StorageError, UsageError
 from runtime.settings.configuration import load_configuration_text
 from runtime.setup.discover.can_traffic import IdTraffic, traffic_of
+from runtime.setup.discover.dbc_match import layouts_in
 from runtime.setup.discover.listen import LaserFound, bus_named, can_interfaces, find_laser, hear, laser_urls
 from runtime.setup.discover.wheel_layouts import LayoutFound, layouts_that_fit
 from runtime.setup.discover.written import Geometry, configuration_text
@@ -24,10 +25,11 @@ FindLaser = Callable[[Sequence[str]], LaserFound | None]
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What the person says beforehand; None: to be found. bus: can0, or INTERFACE:CHANNEL[:PORT]."""
+    """What the person says beforehand; None: to be found. bus: can0, or INTERFACE:CHANNEL[:PORT]. dbc: at hand."""
 
     laser_url: str | None = None
     bus: str | None = None
+    dbc: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +80,12 @@ def set_up(
     bus, traffic = _busiest(known.bus, listen)
     for each in traffic:
         say(f"heard     {each.line()}")
-    fitting = layouts_that_fit(traffic)
+    fitting = [*(layouts_in(known.dbc, traffic) if known.dbc is not None else ()), *layouts_that_fit(traffic)]
     if not fitting:
         heard = ", ".join(each.name for each in traffic)
         raise SensorError(
-            f"ids {heard} are heard on {bus.channel}, but no layout that Infant knows fits them; describe them with a "
-            "DBC in [encoders.layout]"
+            f"ids {heard} are heard on {bus.channel}, but no layout that Infant knows fits them; give the DBC of their "
+            "maker with --dbc FILE, or name its signals in [encoders.layout]"
         )
     for fit in fitting:
         say(f"wheels    {fit.name}: heard {fit.why}")

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from drivers.settings.can import BusSettings
 from drivers.settings.layouts import Cia406Layout, PresetLayout
+from drivers.settings.wheel_signals import WheelSignals
 from runtime.setup.discover.listen import LaserFound
 from runtime.setup.discover.wheel_layouts import LayoutFound
 
@@ -62,11 +63,20 @@ def _layout_lines(wheels: LayoutFound) -> list[str]:
         words = ['kind = "preset"', f"name = {json.dumps(layout.name)}"]
     elif isinstance(layout, Cia406Layout):
         words = ['kind = "cia406"']
-    else:
+    elif layout.file is None:
         return [head, 'kind = "dbc"  # Infant\'s own nodes']
+    else:
+        sides = (("left", layout.left), ("right", layout.right))
+        return [head, 'kind = "dbc"', f"file = {json.dumps(layout.file)}", *(_side(*side) for side in sides)]
     return [
         head,
         *words,
         f"left_node = {layout.left_node}  # exchange both if the rover turns left and the pose turns right",
         f"right_node = {layout.right_node}",
     ]
+
+
+def _side(name: str, signals: WheelSignals) -> str:
+    """One wheel's signals in a line."""
+    words = (f"{key} = {json.dumps(value)}" for key, value in signals.model_dump(exclude_defaults=True).items())
+    return f"{name} = {{ {', '.join(words)} }}"

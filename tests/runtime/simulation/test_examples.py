@@ -55,11 +55,11 @@ def test_an_example_is_a_short_file_that_drives_a_rover_of_its_kind(name: str, t
     assert driven["slam_rms_m"] < MOST_RMS_M
 
 
-def test_a_laser_that_hangs_upside_down_is_not_a_laser_that_stands(tmp_path: Path) -> None:
-    """What the file says of the mount matters: without it the same drive is a mirrored one."""
+def test_what_a_file_says_of_the_mount_matters(tmp_path: Path) -> None:
+    """With the laser believed to stand the same drive is a mirrored one, and its pose far worse."""
     configuration = load_configuration(CONFIG / "examples" / "upside_down_laser.toml")
     simulation = simulated(configuration, ROVERS["upside_down_laser"], tmp_path)
     mount = configuration.slam.mount.model_copy(update={"upside_down": False})
     believed = configuration.model_copy(update={"slam": configuration.slam.model_copy(update={"mount": mount})})
     driven = stepped_drive(believed, simulation, DRIVEN_S, tmp_path / "run")
-    assert driven["landmarks"] == 0 or driven["slam_rms_m"] > MOST_RMS_M
+    assert driven["slam_rms_m"] > 0.5 * MOST_RMS_M

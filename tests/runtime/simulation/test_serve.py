@@ -32,7 +32,7 @@ def test_a_rover_without_a_simulation_is_simulated_as_its_file_says_and_what_it_
     assert "infant setup --laser tcp://127.0.0.1:" in stream.getvalue()
     encoders = load_configuration(ODRIVE).encoders
     assert encoders is not None
-    assert len(load_candump(candump, encoders).arrays["wheel_t"]) > 20
+    assert len(load_candump(candump, encoders).arrays["odom_t"]) > 20
     with pytest.raises(RunExistsError, match="give another name"):
         serve_rover(ODRIVE, words, stop, stream, None, folder)
     with pytest.raises(UsageError, match="model = 'UST-99'"):

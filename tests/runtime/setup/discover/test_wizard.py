@@ -3,12 +3,15 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from drivers.canbus.frame import EXTENDED, CanFrame
-from drivers.measurements import LinkError
+from drivers.measurements import DriverError, LinkError
 from drivers.settings.can import BusSettings
 from drivers.settings.layouts import Cia406Layout, DbcLayout, Layout, PresetLayout
+from drivers.settings.simulated_wheels import SimulatedWheelSettings
+from drivers.simulated.wheels.encoder_nodes import EncoderNodes
 from drivers.wheels.layouts.choose import layout_messages
 from drivers.wheels.layouts.messages import FeedbackMessage
 from drivers.wheels.layouts.presets import preset_layout
@@ -18,11 +21,13 @@ from runtime.errors import SensorError, StorageError, UsageError
 from runtime.settings.configuration import load_configuration
 from runtime.setup.discover import wizard
 from runtime.setup.discover.can_traffic import traffic_of
+from runtime.setup.discover.dbc_match import layouts_in
 from runtime.setup.discover.listen import LaserFound, bus_named, can_interfaces, find_laser, hear
 from runtime.setup.discover.wheel_layouts import layouts_that_fit
 from runtime.setup.discover.wizard import Known, set_up
 from runtime.setup.discover.written import Geometry
 from runtime.setup.validation import validate_for_live_run
+from runtime.source_tree import CONFIG
 
 LASER = LaserFound("tcp://192.168.0.10:10940", 'UST-20LX("new")', "1.0", "H1", 1081, -135.0, 135.0, 30.0)
 GEOMETRY = Geometry(0.1, 0.4, 4096.0, 0.2, laser_backwards=True)
@@ -80,6 +85,26 @@ def test_the_layout_that_sent_the_frames_is_the_first_that_fits(layout: Layout) 
     found = layouts_that_fit(traffic_of(frames_of(layout) + others))
     assert found[0].layout == layout
     assert found[0].rate_hz == pytest.approx(50.0)
+
+
+def test_a_dbc_at_hand_is_tried_against_what_is_heard(tmp_path: Path) -> None:
+    dbc = CONFIG / "examples" / "steered.dbc"
+    layout = load_configuration("examples/steered").encoders
+    assert layout is not None
+    assert isinstance(layout.layout, DbcLayout)
+    nodes = EncoderNodes(SimulatedWheelSettings(), layout, 0, np.random.default_rng(1))
+    beats = [(wheel, 20_000_000 * k) for k in range(40) for wheel in Wheel]
+    frames = [frame for wheel, t_ns in beats for frame in nodes.beat(wheel, t_ns, t_ns * 1e-9)]
+    path = tmp_path / "rover.toml"
+    with pytest.raises(SensorError, match="--dbc FILE"):
+        set_up(path, "r1", Known(bus="can0"), lambda: GEOMETRY, lambda _line: None, searching(frames))
+    set_up(path, "r1", Known(bus="can0", dbc=dbc), lambda: GEOMETRY, lambda _line: None, searching(frames))
+    found = load_configuration(path).encoders
+    assert found is not None
+    assert found.layout == layout.layout
+    assert layouts_in(dbc, traffic_of([CanFrame(k, 0x99, b"a") for k in range(9)])) == []
+    with pytest.raises(DriverError, match="not a DBC"):
+        layouts_in(path, [])
 
 
 def test_canopen_encoders_are_known_by_their_heartbeats() -> None:
