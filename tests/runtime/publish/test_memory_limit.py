@@ -22,6 +22,7 @@ from runtime.publish.status import fetch_status
 from runtime.record.reader import RunReader
 from runtime.source_tree import ROOT
 from runtime.studies.soak.process_sampler import OTHERS_S, kept_waiting_s
+from tests.support.runtime.measured import VEHICLE
 from tests.support.runtime.memory_group import MemoryGroup, memory_group
 from tests.support.zenoh.fleet import Fleet, running_fleet
 from tests.support.zenoh.wire import free_port, until
@@ -32,7 +33,8 @@ GROWTH_MB = 50.0
 FLOODERS, FLOOD_S = 3, 60.0
 PERIOD_NS = 100_000_000
 SETTLED_S = 20.0  # of driving, after which memory grows with the map alone
-ROVER = """
+ROVER = (
+    """
 rover = "rover1"
 [laser]
 url = "tcp://127.0.0.1:{laser}"
@@ -43,6 +45,8 @@ port = {bus}
 [slam.mount]
 x_m = 0.3
 """
+    + VEHICLE
+)
 WAYS = ("directly", "through the router of the fleet")
 # 900 MB is what was seen; the others are as much as rover and router let through, and so most questions a second
 SIZES = (900 << 20, 15 << 20, 60 << 10, 4 << 10)

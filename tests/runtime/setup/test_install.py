@@ -15,6 +15,7 @@ from runtime.setup import install
 from runtime.setup.install import CONFIGURATION, PLACES, SHIPPED_PROGRAM, Command, FileState, Plan
 from runtime.setup.place import place_trouble
 from runtime.source_tree import ROOT
+from tests.support.runtime.measured import VEHICLE
 
 UNIT = "etc/systemd/system/infant.service"
 COUNT = len(PLACES) + 1
@@ -188,12 +189,6 @@ def test_a_machine_that_cannot_be_installed_into_is_refused_with_code_4(tmp_path
     assert "Traceback" not in done.stderr
 
 
-MEASURED = (
-    "[vehicle]\nwheel_radius_left_m = 0.1\nwheel_radius_right_m = 0.1\ntread_m = 0.4\ncounts_per_rev = 4096.0\n"
-    "[slam.mount]\nx_m = 0.2\n"
-)
-
-
 def test_the_dbc_of_a_configuration_goes_with_it(tmp_path: Path) -> None:
     folder, root = tmp_path / "mine", tmp_path / "root"
     (folder / "maker").mkdir(parents=True)
@@ -201,7 +196,7 @@ def test_the_dbc_of_a_configuration_goes_with_it(tmp_path: Path) -> None:
     shutil.copy(ROVER_DBC, folder / "maker" / "wheels.dbc")
     source = folder / "rover.toml"
     layout = '[laser]\n[encoders.bus]\nport = 1\n[encoders.layout]\nkind = "dbc"\nfile = "maker/wheels.dbc"\n'
-    source.write_text(MEASURED + layout)
+    source.write_text(VEHICLE + "[slam.mount]\nx_m = 0.2\n" + layout)
     install.apply(install.plan_install(root, SHIPPED_PROGRAM, source), lambda _command: None)
     assert (root / "etc/infant/maker/wheels.dbc").read_bytes() == ROVER_DBC.read_bytes()
     there = load_configuration(root / CONFIGURATION).encoders

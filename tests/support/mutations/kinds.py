@@ -16,11 +16,13 @@ from tests.support.drivers.dbc import COUNTS
 from tests.support.mutations.commands import Words
 from tests.support.mutations.files import mutated_bytes, mutated_text, mutated_ticks
 from tests.support.runtime.hostile_runs import write_manifest
+from tests.support.runtime.measured import VEHICLE
 from tests.support.runtime.recordings import FILES
 from tests.support.runtime.small_maps import map_bytes
 
 LAYOUTS = ROOT / "drivers" / "wheels" / "layouts"
-DESCRIBED = """
+DESCRIBED = (
+    """
 [laser]
 url = "tcp://127.0.0.1:10940"
 [encoders.bus]
@@ -30,7 +32,11 @@ channel = "x"
 kind = "{kind}"
 file = "{file}"
 {more}
+[slam.mount]
+x_m = 0.3
 """
+    + VEHICLE
+)
 CLOSED = {"kind": "segment", "name": "run.mcap", "number": 1, "bytes": 1, "sha256": "", "ticks": 1}
 MANIFEST: tuple[dict[str, Any], ...] = (
     {"kind": "run", "created_utc": ""},

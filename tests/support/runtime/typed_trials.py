@@ -22,6 +22,7 @@ from drivers.canbus.loopback import free_port
 from drivers.measurements import Severity
 from runtime.report.build import examine
 from runtime.report.finding import Finding
+from tests.support.runtime.measured import VEHICLE
 from tests.support.zenoh.wire import free_port as free_tcp_port
 
 RUN_S, FAULT_S = 19.0, 4.0
@@ -154,7 +155,7 @@ def drive(typed: Typed, trial: int, folder: Path) -> Path:
     devices.write_text(f"{encoders}[simulation.world]\nseed = {trial + 1}\n[simulation.laser]\nport = {laser}\n")
     rover = folder / "rover.toml"
     rover.write_text(
-        f'rover = "trial"\nseed = {trial + 1}\n[laser]\nurl = "tcp://127.0.0.1:{laser}"\n{encoders}{mount}'
+        f'rover = "trial"\nseed = {trial + 1}\n[laser]\nurl = "tcp://127.0.0.1:{laser}"\n{encoders}{mount}{VEHICLE}'
         f"[review]\nlive = false\n"
         f'[publish]\nconnect = []\nlisten = ["tcp/127.0.0.1:{listen}"]\n'
     )
