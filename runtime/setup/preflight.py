@@ -7,10 +7,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
-from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
 from drivers.canbus.frame import CanFrame
 from drivers.laser.hokuyo import Hokuyo
@@ -21,6 +18,7 @@ from drivers.settings.laser import LaserSettings
 from drivers.wheels.encoders import CanEncoders
 from runtime.errors import ConfigurationError
 from runtime.settings.configuration import Configuration
+from runtime.setup.check_result import Check, CheckResult
 from runtime.setup.discover.can_traffic import traffic_of
 from runtime.setup.discover.listen import hear
 from runtime.setup.discover.wheel_layouts import layouts_that_fit
@@ -35,29 +33,6 @@ BYTES_PER_HOUR = 450e6  # measured: run.mcap 4.6 MB and review.rrd below 3 MB a 
 LEAST_HOURS, GOOD_HOURS = 0.5, 4.0
 WARM_S = 10.0
 EARLIEST_CLOCK_S = 1_735_689_600  # 2025-01-01: a clock before this has not been set
-
-
-class CheckResult(StrEnum):
-    """Result of one check; the worst one is the result of all."""
-
-    PASS = "PASS"  # noqa: S105
-    WARN = "WARN"
-    FAIL = "FAIL"
-
-
-@dataclass(frozen=True, slots=True)
-class Check:
-    """One check: what was seen, and what to do about it ("" when there is nothing to do)."""
-
-    name: str
-    verdict: CheckResult
-    reason: str
-    remedy: str = ""
-
-
-def worst_result(checks: list[Check]) -> CheckResult:
-    """FAIL outranks WARN outranks PASS."""
-    return max((check.verdict for check in checks), key=list(CheckResult).index, default=CheckResult.PASS)
 
 
 def preflight(configuration: Configuration) -> Iterator[Check]:
@@ -217,8 +192,3 @@ def judge_sensor(name: str, health: SensorHealth, target_hz: float) -> Check:
     if "advice" in health.facts:
         return Check(name, CheckResult.WARN, reason, "change the configuration as advised, or accept it")
     return Check(name, CheckResult.PASS, reason)
-
-
-def preflight_result(checks: list[Check]) -> dict[str, Any]:
-    """As --json prints it."""
-    return {"result": worst_result(checks), "checks": [asdict(check) for check in checks]}

@@ -8,9 +8,8 @@ from drivers.canbus.frame import EXTENDED, CanFrame
 from drivers.measurements import LinkError, SensorHealth, SensorState
 from drivers.settings.can import BusSettings
 from runtime.settings.configuration import load_configuration_text
+from runtime.setup.check_result import Check, CheckResult, worst_result
 from runtime.setup.preflight import (
-    Check,
-    CheckResult,
     check_bus,
     check_calibration,
     check_clock,
@@ -18,7 +17,6 @@ from runtime.setup.preflight import (
     check_endpoint,
     check_real_time,
     judge_sensor,
-    worst_result,
 )
 
 PASS, WARN, FAIL = CheckResult
