@@ -14,7 +14,7 @@ from drivers.simulated.laser.profiles import profile_of
 from drivers.simulated.wheels.node import WheelNode
 from drivers.simulated.world.places.building import Building
 from drivers.simulated.world.places.choose import kidnapped, world_of
-from drivers.simulated.world.world import World
+from drivers.simulated.world.places.world import World
 
 WHEEL_STREAM = 1  # second word of the seed, so that slip does not repeat the world's own numbers
 FAR_NS = 1 << 62  # monotonic stamps are never this late

@@ -18,7 +18,7 @@ from slam.warm_up import warm_up_drive, warm_up_settings
 DRIVE = """
 import numpy as np
 from drivers.measurements import OdometryPose, Scan, Sightings, WheelCounts, uniform_bearings
-from drivers.simulated.world.world import World
+from drivers.simulated.world.places.world import World
 from drivers.settings.simulated_world import WorldSettings
 from slam.estimator import Estimator
 from slam.settings.slam import SlamSettings

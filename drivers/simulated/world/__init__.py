@@ -1,1 +1,1 @@
-"""What stands and who walks around the simulated rover, and where does it drive? Begin at world.py."""
+"""What stands and who walks around the simulated rover, and where does it drive? Begin at rover_path.py."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from drivers.measurements import FloatArray, Scan, WheelCounts, uniform_bearings
 from drivers.settings.simulated_world import WorldSettings
-from drivers.simulated.world.world import World
+from drivers.simulated.world.places.world import World
 from runtime.settings.configuration import Configuration
 from runtime.studies.bench.plain import plain_resample, plain_step
 from runtime.studies.bench.replaying import times_real_time

@@ -12,8 +12,8 @@ from drivers.settings.simulated_wheels import SimulatedWheelSettings
 from drivers.settings.simulated_world import WorldSettings
 from drivers.simulated.wheels.odometer import WheelOdometer
 from drivers.simulated.world.kidnapping import KidnappedPath
+from drivers.simulated.world.places.world import World
 from drivers.simulated.world.rover_path import RoverPath
-from drivers.simulated.world.world import World
 
 PERIOD_NS, SAMPLE_NS = 100_000_000, 20_000_000
 MIDDLE_BEAM = 540

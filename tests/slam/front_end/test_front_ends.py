@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from drivers.measurements import Scan, Sightings, uniform_bearings
 from drivers.settings.simulated_world import WorldSettings
-from drivers.simulated.world.world import Surface, World
+from drivers.simulated.world.places.world import Surface, World
 from slam.front_end import front_ends
 from slam.front_end.deskew import Twist
 from slam.front_end.front_ends import FrontEnd, make_front_end

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.measurements import FloatArray, Scan, WheelCounts, uniform_bearings
 from drivers.settings.simulated_world import DriveSettings, LaserGeometrySettings, WorldSettings
-from drivers.simulated.world.world import World
+from drivers.simulated.world.places.world import World
 from runtime.calibrate.dead_reckoning import DeadReckoning, dead_reckoning, seen_by_laser
 from runtime.calibrate.drive_data import CalibrationStart, DriveData
 from runtime.calibrate.scans.laser_motion import LaserMotion

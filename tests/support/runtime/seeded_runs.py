@@ -10,7 +10,7 @@ import numpy as np
 from drivers.measurements import Event, Scan, Severity, WheelCounts, uniform_bearings
 from drivers.scip.scan import encode_scan
 from drivers.settings.simulated_world import DriveSettings, LaserGeometrySettings, WorldSettings
-from drivers.simulated.world.world import World
+from drivers.simulated.world.places.world import World
 from runtime.messages.records import tick_records
 from runtime.messages.tick import Gap, LaserBytes, Record, encode_gap, encode_laser_bytes
 from runtime.record.header import RunHeader

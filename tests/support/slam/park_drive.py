@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray, Scan, uniform_bearings
 from drivers.settings.simulated_world import WorldSettings
-from drivers.simulated.world.world import LabelledSweep, World
+from drivers.simulated.world.places.world import LabelledSweep, World
 from slam.front_end.deskew import Twist
 from slam.front_end.front_ends import FrontEnd, make_front_end
 from slam.observations import Features

@@ -7,7 +7,7 @@ import numpy as np
 
 from drivers.measurements import Event, WheelCounts
 from drivers.simulated.rover import world_for
-from drivers.simulated.world.world import World
+from drivers.simulated.world.places.world import World
 from runtime.record.reader import RecordedTick, RunReader
 from runtime.settings.configuration import load_configuration_text
 

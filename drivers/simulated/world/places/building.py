@@ -8,10 +8,10 @@ from drivers.measurements import BoolArray, FloatArray, IntArray
 from drivers.settings.simulated_world import DriveSettings, LaserGeometrySettings, WorldSettings
 from drivers.simulated.world.people import CorridorPeople
 from drivers.simulated.world.places.floor_plan import RING_M, draw_floor
+from drivers.simulated.world.places.world import LabelledSweep, Surface
 from drivers.simulated.world.ray_casting import as_stepped, beams, beams_about_mount, circles_met, segments_met
 from drivers.simulated.world.rover_path import RoverPath
 from drivers.simulated.world.sweep_errors import as_measured
-from drivers.simulated.world.world import LabelledSweep, Surface
 
 BUILDING_STREAM = 6  # second word of the seed, so that no park shares its numbers
 HOKUYO_STEPS = {1081: 1440, 541: 720}  # beams over 270 degrees, and steps of a full turn

@@ -5,8 +5,8 @@ import math
 from drivers.settings.simulated_world import DriveSettings, KidnapSettings, WorldSettings
 from drivers.simulated.world.kidnapping import KidnappedPath
 from drivers.simulated.world.places.building import Building, building_settings
+from drivers.simulated.world.places.world import World
 from drivers.simulated.world.rover_path import RoverPath
-from drivers.simulated.world.world import World
 
 
 def world_of(settings: WorldSettings) -> World | Building:

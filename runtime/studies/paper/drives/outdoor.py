@@ -13,8 +13,8 @@ from drivers.measurements import BoolArray, FloatArray, Scan, WheelCounts, unifo
 from drivers.settings.simulated_wheels import SimulatedWheelSettings
 from drivers.settings.simulated_world import DriveSettings, WorldSettings
 from drivers.simulated.wheels.odometer import WheelOdometer
+from drivers.simulated.world.places.world import Surface, World
 from drivers.simulated.world.rover_path import RoverPath
-from drivers.simulated.world.world import Surface, World
 
 PERIOD_NS, SAMPLE_NS = 100_000_000, 20_000_000
 MIDDLE_BEAM = 540

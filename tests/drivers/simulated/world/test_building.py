@@ -4,8 +4,8 @@ import pytest
 from drivers.measurements import FloatArray
 from drivers.settings.simulated_world import LaserGeometrySettings, WorldSettings
 from drivers.simulated.world.places.building import Building, building_settings
+from drivers.simulated.world.places.world import LabelledSweep, Surface
 from drivers.simulated.world.ray_casting import segments_met, wall_hits
-from drivers.simulated.world.world import LabelledSweep, Surface
 
 SECOND_NS = 1_000_000_000
 NOISELESS = {"sigma_range_m": 0.0, "drop_out_share": 0.0, "mixed_share": 0.0}

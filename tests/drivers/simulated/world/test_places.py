@@ -8,7 +8,7 @@ import pytest
 
 from drivers.settings.simulated_world import KidnapSettings, LaserGeometrySettings, Place, WorldSettings
 from drivers.simulated.world.places.choose import world_of
-from drivers.simulated.world.world import World
+from drivers.simulated.world.places.world import World
 
 EXACT = LaserGeometrySettings(sigma_range_m=0.0, drop_out_share=0.0, mixed_share=0.0)
 SEEN = {"park": 0.2, "building": 0.7, "corridor": 0.9, "orchard": 0.2, "empty": 0.0}

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from drivers.settings.simulated_world import DriveSettings, LaserGeometrySettings, WorldSettings
+from drivers.simulated.world.places.world import Surface, World
 from drivers.simulated.world.ray_casting import circle_hits, pairs_in_view
-from drivers.simulated.world.world import Surface, World
 from tests.support.examples import examples
 
 EXACT = LaserGeometrySettings(sigma_range_m=0.0, drop_out_share=0.0, mixed_share=0.0)

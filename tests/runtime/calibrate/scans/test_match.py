@@ -4,7 +4,7 @@ import numpy as np
 
 from drivers.measurements import Scan, uniform_bearings
 from drivers.settings.simulated_world import WorldSettings
-from drivers.simulated.world.world import World
+from drivers.simulated.world.places.world import World
 from runtime.calibrate.scans.match import match
 from runtime.calibrate.scans.shapes import Shapes, shapes
 from slam.pose import composed, inverted

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from drivers.settings.simulated_world import WorldSettings
-from drivers.simulated.world.world import World
+from drivers.simulated.world.places.world import World
 from runtime.source_tree import ROOT
 from runtime.studies.soak.clock import Leap, LeapingClock
 from runtime.studies.soak.process_sampler import Sample, fitted_growth, heap_mb
