@@ -19,10 +19,11 @@ from drivers.simulated.rover import Rover, world_for
 from drivers.simulated.world.places.choose import world_of
 from runtime.errors import ConfigurationError, UsageError
 from runtime.settings.configuration import load_configuration, load_configuration_text
-from runtime.setup.discover.listen import can_interfaces
 from runtime.simulation.as_configured import simulation_of
 from runtime.simulation.sent import SentBytes
 from runtime.simulation.typed_faults import EXAMPLES, Device, obey_lines
+
+INTERFACES = Path("/sys/class/net")
 
 
 def serve_rover(
@@ -78,7 +79,7 @@ def _described(config: Path, overrides: dict[str, str]) -> tuple[SimulationSetti
     except ValidationError as error:
         problem = error.errors()[0]
         raise UsageError(f"{problem['loc'][0]} = {problem['input']!r}: {problem['msg']}") from error
-    if encoders.bus.interface == "socketcan" and encoders.bus.channel not in can_interfaces():
+    if encoders.bus.interface == "socketcan" and not (INTERFACES / encoders.bus.channel).exists():
         encoders = encoders.model_copy(update={"bus": BusSettings()})
     return simulation.model_copy(update={"laser": laser}), encoders
 
