@@ -1,10 +1,10 @@
 """`make firsthour`: the five rovers, one line each; exit code 1 where one does not drive."""
 
+import json
 import sys
 import tempfile
 from pathlib import Path
 
-from runtime.cli.output import say, say_json
 from runtime.studies.first_hour.study import study
 
 
@@ -12,9 +12,9 @@ def main() -> int:
     """Run it; --json prints one object instead."""
     as_json = "--json" in sys.argv[1:]
     with tempfile.TemporaryDirectory(prefix="infant-first-hour-") as folder:
-        result = study(Path(folder), lambda line: say(line, err=as_json))
+        result = study(Path(folder), lambda line: (sys.stderr if as_json else sys.stdout).write(f"{line}\n"))
     if as_json:
-        say_json(result)
+        sys.stdout.write(f"{json.dumps(result)}\n")
     return 0 if result["good"] == len(result["rovers"]) else 1
 
 

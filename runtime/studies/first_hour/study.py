@@ -76,7 +76,7 @@ def _set_up(rover: UnknownRover, path: Path) -> str:
         devices.close()
 
 
-def study(folder: Path, say: Callable[[str], None], rovers: Sequence[UnknownRover] = ROVERS) -> dict[str, Any]:
+def study(folder: Path, say: Callable[[str], object], rovers: Sequence[UnknownRover] = ROVERS) -> dict[str, Any]:
     """All rovers, each told as it is done. Raises InfantError."""
     results = []
     for rover in rovers:
