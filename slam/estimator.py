@@ -168,7 +168,10 @@ class Estimator:
         matched = self._joint.observe(rows, outcome.matches, sight, confidence, arrived, laid is not None)
         if laid is not None and not self._quality.is_doubted:
             self._keyframes.keep(laid)
-        self._quality.add(scan.stamp_ns, self._joint.evidence, seen_share)
+        evidence, lies = self._joint.evidence, False
+        if laid is not None and self._quality.doubts(evidence):
+            lies = self._keyframes.lies_on(laid, self._quality.settled_before)
+        self._quality.add(scan.stamp_ns, evidence, seen_share, lies_on_map=lies)
         self._mark("joint")
 
         # the way back, where the pose is in doubt or a place may be known

@@ -30,6 +30,7 @@ LOST_SIGMA_RAD = 1.8  # rad; the same for the heading: any heading is as likely 
 LOST_GROWTH = np.diag((LOST_SIGMA_M**2, LOST_SIGMA_M**2, LOST_SIGMA_RAD**2))
 CEILING = 1.5  # times the bound: what the score can pile up, so that a rover that finds itself says so soon
 FADING = 0.02  # of the score a scan while nothing of the map is in view: it neither speaks for the pose nor against it
+LIES_ON_MAP = math.log(0.02 / 0.6)  # log-odds where a scan lies on the map: from a wrong pose and from a right one
 CONSISTENT = 2.0  # expected squared distance of a range and a bearing
 SMOOTHING = 0.1  # weight of one scan in the mean squared distance: it looks back a second
 QUICKLY = 0.3  # weight of one scan in what is known and found: one chance find in ten scans is not support
@@ -109,9 +110,16 @@ class QualityMonitor:
         """
         return self._lost or self._blind_scans >= LOST_BLIND_SCANS
 
-    def add(self, stamp_ns: int, evidence: Evidence, seen_before_share: float | None = None) -> None:
+    def doubts(self, evidence: Evidence) -> bool:
+        """Whether something speaks against the pose, with what one more scan says."""
+        return self._score + evidence.against > 0.0
+
+    def add(
+        self, stamp_ns: int, evidence: Evidence, seen_before_share: float | None = None, *, lies_on_map: bool = False
+    ) -> None:
         """What one scan said. seen_before_share: of the beams that could be compared with earlier scans, how many saw
-        the same; None where none could.
+        the same; None where none could. lies_on_map: as a whole it lies on the map where the pose says, and then what
+        is missed is wrong in the map.
         """
         settings = self._settings
         self._scans += 1
@@ -119,7 +127,7 @@ class QualityMonitor:
         self._evidence, self._seen_before_share = evidence, seen_before_share
         if evidence.known == 0 and not self._lost:
             self._score *= 1.0 - FADING
-        score = self._score + evidence.against
+        score = self._score + (min(evidence.against, 0.0) + LIES_ON_MAP if lies_on_map else evidence.against)
         self._score = min(max(score, 0.0), CEILING * settings.lost_score)
         if self._score < 0.1:
             self._score = 0.0
@@ -133,7 +141,7 @@ class QualityMonitor:
             supported = evidence.known == 0 or self._found >= FOUND_SHARE * self._known
         else:
             supported = seen_before_share >= SEEN_BEFORE_SHARE
-        if supported:
+        if supported or lies_on_map:
             self._supported_ns = stamp_ns
             self._blind_scans = 0
             if self._score == 0.0:

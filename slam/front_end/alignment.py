@@ -154,7 +154,7 @@ class Alignment:
         search = self._search(now, self._references())
         if search is None or not np.isfinite(covariance).all():
             return increment
-        motion, information, count = search.best(prior, covariance + (SLIPPED if only_if_slipped else 0.0))
+        motion, information, count = search.best(prior, covariance + (SLIPPED if only_if_slipped else 0.0), along=True)
         share = count / len(search.points_m)
         if self._usual_fit - share > POOR_SHARE:
             found = self._found_widely(now, search, prior)

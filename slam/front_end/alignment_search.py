@@ -15,6 +15,9 @@ from slam.front_end.alignment_kernels import EarlierScans, Prior, descend, norma
 GATE_FIRST_M = 1.0  # points farther from the nearest surface are left out at first, m; what 10 deg move at 6 m
 GATE_LAST_M = 0.15  # the same at the end, m: five times the roughness of a wall
 STARTS = 3  # headings that the search starts from, up to three deviations from that of the wheels
+ALONG_M = (-0.4, -0.3, -0.2, -0.1, 0.1, 0.2, 0.3, 0.4)  # off the place found, where it is looked for along a corridor
+ALONG_STEPS = 4  # from each of these
+RIVAL_M = 0.05  # places so far apart are two, between which all points decide
 NARROWING_STEPS = 6  # steps from the first gate to the last
 FINAL_STEPS = 10  # at most so many steps at the last gate, all points
 COARSE_POINTS = 60  # at most so many points while the gate narrows
@@ -28,24 +31,31 @@ class Search:
     points_m: FloatArray
     past: EarlierScans
 
-    def best(self, prior: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+    def best(
+        self, prior: FloatArray, covariance: FloatArray, *, along: bool = False
+    ) -> tuple[FloatArray, FloatArray, int]:
         """The motion (3,) of least cost over all starts, its information (3, 3) and its number of points.
 
         prior (3,) x m, y m, heading rad with covariance (3, 3), positive definite. The starts differ in heading, and
-        in the position that goes with it.
+        in the position that goes with it. along: it is also looked for along the direction in which the scan ties the
+        position least: in a corridor it lies as well where the wheels say as where it was taken, but for door frames.
         """
         wheels = Prior(prior, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
         narrowing = np.geomspace(GATE_FIRST_M, GATE_LAST_M, NARROWING_STEPS)
         coarse = max(1, -(-len(self.points_m) // COARSE_POINTS))
         offsets = np.linspace(-START_DEVIATIONS, START_DEVIATIONS, STARTS) if STARTS > 1 else np.zeros(1)
-        least, best = math.inf, prior
-        for off in offsets:
-            motion = prior + off * covariance[:, 2] / math.sqrt(covariance[2, 2])
-            _, _, cost = self._descend(wheels, motion, coarse, narrowing)
-            if cost < least:
-                least, best = cost, motion
-        motion = best.copy()
-        posterior, count, _ = self._descend(wheels, motion, 1, np.full(FINAL_STEPS, GATE_LAST_M))
+        starts = [prior + off * covariance[:, 2] / math.sqrt(covariance[2, 2]) for off in offsets]
+        _, motion = self._cheapest(wheels, starts, coarse, narrowing)
+        last = np.full(FINAL_STEPS, GATE_LAST_M)
+        posterior, count, cost = self._descend(wheels, motion, 1, last)
+        if along:
+            direction = _least_tied(posterior - wheels.information)
+            places = [motion + off_m * direction for off_m in ALONG_M]
+            _, other = self._cheapest(wheels, places, coarse, np.full(ALONG_STEPS, GATE_LAST_M))
+            if abs(float((other - motion) @ direction)) > RIVAL_M:
+                its_posterior, its_count, its_cost = self._descend(wheels, other, 1, last)
+                if its_cost < cost:
+                    return other, its_posterior, its_count
         return motion, posterior, count
 
     def refined(
@@ -63,6 +73,14 @@ class Search:
         count, _ = normal_equations(self.points_m, 1, self.past, motion, GATE_LAST_M, np.zeros((3, 3)), np.zeros(3))
         return int(count)
 
+    def _cheapest(
+        self, prior: Prior, starts: list[FloatArray], stride: int, gates_m: FloatArray
+    ) -> tuple[float, FloatArray]:
+        """Cost and motion of the best end of a search from each start (3,); these are moved in place."""
+        costs = [self._descend(prior, start, stride, gates_m)[2] for start in starts]
+        best = int(np.argmin(costs))
+        return costs[best], starts[best]
+
     def _descend(
         self, prior: Prior, motion: FloatArray, stride: int, gates_m: FloatArray
     ) -> tuple[FloatArray, int, float]:
@@ -70,3 +88,9 @@ class Search:
         posterior = np.empty((3, 3))
         count, cost = descend(self.points_m, stride, self.past, prior, gates_m, motion, posterior)
         return posterior, count, cost
+
+
+def _least_tied(information: FloatArray) -> FloatArray:
+    """The direction (3,), without turn, of which a scan's information (3, 3) holds least."""
+    _, directions = np.linalg.eigh(information[:2, :2])
+    return np.array((*directions[:, 0], 0.0))

@@ -33,19 +33,24 @@ MOST_BEAMS = 541  # of a keyframe are kept
 LEAST_POINTS, LEAST_SHARE = 30, 0.5  # on surfaces of the keyframe
 FARTHEST_M, FARTHEST_RAD = 8.0, 0.5  # sigma beyond which it is not looked for at all
 LARGEST_SQUARE = 50.0  # of a fit that contradicts the filter; farther off it is another place that looks alike
+LYING_SHARE, LYING_M = (
+    0.6,
+    0.02,
+)  # of its points, and sigma, of a scan that lies on the map: one in a hundred from a wrong pose
 INFORMATION_SHARE = 0.3  # of a fit's own claim: neighbouring scans share the errors of the keyframe
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Keyframe:
     """A scan as it was taken: points_m and normals (n, 2) in the laser's frame, single precision; first_rad,
-    spacing_rad: where its beams point.
+    spacing_rad: where its beams point. number: of the scan.
     """
 
     points_m: FloatArray
     normals: FloatArray
     first_rad: float
     spacing_rad: float
+    number: int
 
     @property
     def field_of_view_rad(self) -> float:
@@ -67,6 +72,19 @@ class Keyframe:
             self.first_rad,
             self.spacing_rad,
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Laid:
+    """Where a scan lies on a keyframe: predicted and found motion (3,), information (3, 3), the part of it that the
+    prediction holds, points on surfaces.
+    """
+
+    predicted: FloatArray
+    motion: FloatArray
+    information: FloatArray
+    held: FloatArray
+    count: int
 
 
 class Keyframes:
@@ -101,10 +119,9 @@ class Keyframes:
             if math.hypot(since.x_m, since.y_m) < STEP_M and abs(since.heading_rad) < STEP_RAD:
                 return False
         self._moved_from = pose.as_array()
-        returned = np.flatnonzero(~np.isnan(beams.ranges_m))
-        if len(returned) < LEAST_POINTS:
+        points = self._points(beams)
+        if len(points) < LEAST_POINTS:
             return False
-        points = self._body_from_laser.transform(beams.points_m[returned[:: -(-len(returned) // MOST_POINTS)]])
         self._wanted = True
         told = False
         between = self._joint.from_keyframes()
@@ -129,9 +146,25 @@ class Keyframes:
                 normals[::stride].astype(np.float32),
                 float(math.atan2(beams.rays[0, 1], beams.rays[0, 0])),
                 stride * beams.spacing_rad,
+                self._joint.scans,
             )
         )
         self._joint.add_keyframe()
+
+    def lies_on(self, beams: Beams, before_scan: int) -> bool:
+        """Whether the scan lies on the nearest keyframe that was made before a scan, where the pose says that it should
+        and tied in every direction.
+        """
+        points = self._points(beams)
+        apart = self._apart(self._joint.from_keyframes())
+        apart[[keyframe.number >= before_scan for keyframe in self._keyframes]] = math.inf
+        if len(points) < LEAST_POINTS or not np.isfinite(apart).any():
+            return False
+        search = self._search(int(np.argmin(apart)), points)
+        if search is None:
+            return False
+        tied = np.linalg.eigvalsh((search.information - search.held)[:2, :2])[0]
+        return bool(search.count >= LYING_SHARE * len(points) and tied >= LYING_M**-2)
 
     def forget_from(self, number: int) -> None:
         """Forget the keyframes from this number on: they were not taken where the map has them."""
@@ -140,13 +173,23 @@ class Keyframes:
         self._moved_from, self._wanted = None, False
         self._far = FarLoops()
 
-    def _candidates(self, between: FloatArray) -> list[int]:
-        """Numbers of the nearest keyframe and of a few old ones nearby; between (K, 3): the body as seen from each."""
+    def _points(self, beams: Beams) -> FloatArray:
+        """Some of the returns (p, 2), body frame."""
+        returned = np.flatnonzero(~np.isnan(beams.ranges_m))
+        if len(returned) == 0:
+            return np.empty((0, 2))
+        return self._body_from_laser.transform(beams.points_m[returned[:: -(-len(returned) // MOST_POINTS)]])
+
+    def _apart(self, between: FloatArray) -> FloatArray:
+        """(K,) how far each keyframe is away, m and turns counted as such; inf beyond reach."""
         distances, turns = np.hypot(between[:, 0], between[:, 1]), np.abs(between[:, 2])
         views = np.array([keyframe.field_of_view_rad for keyframe in self._keyframes])
-        apart = np.where(
-            (distances < REACH_M) & (turns < REACH_SHARE * views), distances + METRES_PER_RAD * turns, math.inf
-        )
+        reached = (distances < REACH_M) & (turns < REACH_SHARE * views)
+        return np.where(reached, distances + METRES_PER_RAD * turns, math.inf)
+
+    def _candidates(self, between: FloatArray) -> list[int]:
+        """Numbers of the nearest keyframe and of a few old ones nearby; between (K, 3): the body as seen from each."""
+        apart = self._apart(between)
         order = np.argsort(apart, kind="stable")
         order = order[np.isfinite(apart[order])]
         old = order[(order < len(apart) - OLD - 1) & (apart[order] < OLD_REACH_M)][:MOST_OLD]
@@ -156,6 +199,15 @@ class Keyframes:
         """Lay points (p, 2), body frame, onto a keyframe; None where they do not fit, or where the search could end in
         the wrong place, else whether it is near.
         """
+        laid = self._search(number, points_m)
+        if laid is None or laid.count < max(LEAST_POINTS, LEAST_SHARE * len(points_m)):
+            return None
+        if not self._tell(number, laid.motion, laid.information, laid.held):
+            return None
+        return bool(math.hypot(laid.predicted[0], laid.predicted[1]) < NEW_M and abs(laid.predicted[2]) < NEW_RAD)
+
+    def _search(self, number: int, points_m: FloatArray) -> Laid | None:
+        """Lay points (p, 2), body frame, onto a keyframe; None where the search could end in the wrong place."""
         predicted, covariance = self._joint.from_keyframe(number)
         spread = np.diag(covariance)
         if math.sqrt(spread[0] + spread[1]) > WIDEST_M or math.sqrt(spread[2]) > WIDEST_RAD:
@@ -163,11 +215,7 @@ class Keyframes:
         wheels = covariance + np.diag((MOUNT_M**2, MOUNT_M**2, MOUNT_RAD**2))
         search = Search(points_m, self._keyframes[number].surfaces(self._laser_from_body))
         motion, information, count = search.best(predicted, wheels)
-        if count < max(LEAST_POINTS, LEAST_SHARE * len(points_m)):
-            return None
-        if not self._tell(number, motion, information, np.asarray(np.linalg.inv(wheels), dtype=np.float64)):
-            return None
-        return bool(math.hypot(predicted[0], predicted[1]) < NEW_M and abs(predicted[2]) < NEW_RAD)
+        return Laid(predicted, motion, information, np.asarray(np.linalg.inv(wheels), dtype=np.float64), count)
 
     def _close_far(self, beams: Beams, points_m: FloatArray, between: FloatArray) -> bool:
         """Try one old keyframe from which the pose is known to metres only, the next one the next time; whether the

@@ -43,6 +43,18 @@ def test_landmarks_missed_in_plain_sight_make_the_pose_uncertain_and_then_lost()
     assert quality(*after(*[GOOD] * 20, GONE, GONE)) is Quality.LOST
 
 
+def test_a_scan_that_lies_on_the_map_outweighs_landmarks_that_are_missed() -> None:
+    """Corners are not where they should be, but all of the scan is: then the corners of the map are wrong."""
+    monitor, now_ns = after(*[GOOD] * 20, GONE, GONE)
+    assert quality(monitor, now_ns) is Quality.LOST
+    for _ in range(10):
+        now_ns += TICK_NS
+        monitor.add(now_ns, GONE, 1.0, lies_on_map=True)
+    assert quality(monitor, now_ns) is Quality.TRACKING
+    monitor.add(now_ns + TICK_NS, GONE, 1.0)
+    assert monitor.doubts(GONE)
+
+
 def test_a_laser_that_scans_rarely_is_not_silent_between_two_scans() -> None:
     monitor, now_ns = QualityMonitor(SETTINGS), 0
     for _ in range(30):

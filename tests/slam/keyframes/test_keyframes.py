@@ -81,3 +81,14 @@ def test_a_scan_of_another_place_is_not_believed(stops: list[Stop]) -> None:
     )
     assert not keyframes.constrain(other)
     assert joint.map_from_body == before
+
+
+def test_a_scan_lies_on_the_map_where_the_pose_is_right_and_not_where_it_is_wrong(stops: list[Stop]) -> None:
+    """The rover drives a while and comes back over its own way; then it is carried to other places of the ring."""
+    joint, keyframes = driven(stops, np.zeros((len(stops), 3)))
+    last, settled = beams_of(stops[-1]), joint.scans + 1
+    assert keyframes.lies_on(last, settled)
+    assert not keyframes.lies_on(last, joint.scans)  # a keyframe that is younger than the doubt says nothing
+    elsewhere = drive_round(2, 1.0, MOUNT)[10:]
+    lying = sum(keyframes.lies_on(beams_of(stop), settled) for stop in elsewhere)
+    assert lying <= 0.05 * len(elsewhere)  # these corridors are all of one width; in real places it is one in a hundred
