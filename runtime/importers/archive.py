@@ -11,12 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.bounded_read import read_bounded
 from runtime.errors import DataSetError
 from runtime.importers.parsing.checks import KNOWN, checked
 from runtime.importers.parsing.left_out import LeftOut
 from runtime.messages.tick import Record
 
 LARGEST_BYTES = 1 << 32  # of all arrays together; a day of a fast laser has a tenth
+MOST_INFLATED, FREE_BYTES = 50, 1 << 26  # ranges pack to a third, zeros to a thousandth. As much as this is free
+LARGEST_META = 1 << 20
 META = "meta"
 SHOWN = 6  # names of a folder's files in a message
 
@@ -92,9 +95,15 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     raise.
     """
     with zipfile.ZipFile(path) as members:  # numpy would take what is none for a pickle, and say so
-        size = sum(item.file_size for item in members.infolist() if item.filename.removesuffix(".npy") in KNOWN)
-    if size > LARGEST_BYTES:
-        raise DataSetError(f"{path} unpacks to {size / 1e9:.1f} GB, expected at most {LARGEST_BYTES / 1e9:.1f} GB")
+        sizes = {item.filename.removesuffix(".npy"): item.file_size for item in members.infolist()}
+    size = sum(size for name, size in sizes.items() if name in KNOWN)
+    most = min(LARGEST_BYTES, max(FREE_BYTES, MOST_INFLATED * path.stat().st_size))
+    if size > most:
+        raise DataSetError(
+            f"{path} unpacks to {size / 1e9:.1f} GB, expected at most {most / 1e9:.1f} GB of such a file"
+        )
+    if sizes.get(META, 0) > LARGEST_META:
+        raise DataSetError(f"{path}: array {META} has {sizes[META]} bytes, a description has at most {LARGEST_META}")
     arrays = {}
     with np.load(path, allow_pickle=False) as archive:
         for name in (name for name in archive.files if name in KNOWN or name == META):
@@ -113,7 +122,7 @@ def _meta(path: Path, member: NDArray[Any] | None) -> dict[str, Any]:
     beside = path.with_name("meta.json")
     if beside.is_file():
         try:
-            texts[str(beside)] = beside.read_text(encoding="utf-8")
+            texts[str(beside)] = read_bounded(beside, LARGEST_META).decode("utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise DataSetError(f"{beside} cannot be read ({error}); save it as UTF-8 text") from error
     if not texts:

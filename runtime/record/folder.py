@@ -88,14 +88,17 @@ class RunFolder:
     def closed_segments(self) -> dict[int, Path]:
         """Segments that are there beside run.mcap, by number, oldest first; a number that no run reaches is none."""
         found = {
-            int(match[1]): path for path in self.path.glob("run-*.mcap") if (match := CLOSED_NAME.fullmatch(path.name))
+            int(match[1]): path
+            for path in self.path.glob("run-*.mcap")
+            if (match := CLOSED_NAME.fullmatch(path.name)) and path.is_file()  # a pipe would keep whoever reads it
         }
         return dict(sorted(found.items()))
 
     def foreign_segments(self) -> list[str]:
-        """Files with the name of a segment that no run reaches."""
+        """Whatever has the name of a segment that no run reaches, and what has that of a segment and is no file."""
+        closed = {path.name for path in self.closed_segments().values()}
         names = (path.name for path in self.path.glob("run-*.mcap"))
-        return sorted(name for name in names if DIGITS.fullmatch(name) and not CLOSED_NAME.fullmatch(name))
+        return sorted(name for name in names if DIGITS.fullmatch(name) and name not in closed)
 
     def segment_paths(self) -> list[Path]:
         """All files of the record that are there, oldest first."""

@@ -47,7 +47,8 @@ class OldSegment:
 def is_being_written(path: Path) -> bool:
     """Whether a recorder of this machine has the file open; it locks what it writes."""
     try:
-        with path.open("rb") as stream:
+        # without O_NONBLOCK a pipe would keep us
+        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as stream:
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True
@@ -132,11 +133,11 @@ def _closed(folder: RunFolder, manifest: Manifest) -> list[OldSegment]:
 
 
 def _other_runs(folder: RunFolder) -> list[tuple[RunFolder, Manifest]]:
-    """Recorded runs beside this one; imports and replays have no manifest and are left alone."""
+    """Recorded runs beside this one; imports and replays have no manifest and are left alone, and so are links."""
     runs = []
     for path in sorted(folder.path.parent.iterdir()):
         other = RunFolder(path)
-        if path != folder.path and other.manifest_path.is_file():
+        if path != folder.path and not path.is_symlink() and other.manifest_path.is_file():
             manifest = Manifest.load(other.manifest_path)
             if not manifest.damage:  # a manifest that is damaged is evidence
                 runs.append((other, manifest))

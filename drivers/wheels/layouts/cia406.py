@@ -4,6 +4,7 @@ The decoder reads frames like any other layout, so that one reader thread superv
 canopen is used for the object dictionary only.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ HEARTBEAT, EMERGENCY = 0x700, 0x080
 ENCODER_EDS = Path(__file__).with_name("encoder406.eds")
 MOST_BITS = 64  # a frame
 LARGEST_BYTES = 1 << 22  # 4 MB; an EDS has some 100 kB
+ENDLESS = re.compile(rb"(?:NrOfEntries|Lines)\s*[=:]\s*\+?[\d_]{7}", re.IGNORECASE)  # canopen would count so far
 START_NODES = True  # NMT start when the bus opens and after a boot-up message; harmless beside another master
 NMT_START = 0x01
 SIGNED_TYPES = (0x02, 0x03, 0x04, 0x15)  # CiA 301 data types INTEGER8, 16, 32, 64
@@ -70,6 +72,8 @@ def read_eds(path: Path, node: int) -> Any:
         raise DriverError(f"{path}: no such file; give the path of the encoder's EDS in layout.file")
     if path.stat().st_size > LARGEST_BYTES:
         raise DriverError(f"{path}: has more than {LARGEST_BYTES >> 20} MB; give the path of an EDS in layout.file")
+    if ENDLESS.search(path.read_bytes()):
+        raise DriverError(f"{path}: counts millions of entries, which no device has; mend the file or name another")
     try:
         return canopen.import_od(str(path), node)
     except Exception as error:

@@ -4,6 +4,7 @@ Real files have comments in the encoding of whoever wrote them, signals that ove
 lines of tools that no parser knows. Only the named messages are judged, and handed to cantools as a file of their own.
 """
 
+import os
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable
@@ -17,7 +18,7 @@ LARGEST_BYTES = 1 << 25  # 32 MB; the DBC of a whole lorry has 5
 MOST_NAMED = 12
 ENCODINGS = ("utf-8-sig", "cp932", "cp1252", "latin-1")  # names are ASCII; whichever fits shows a unit as it was meant
 UTF16 = (b"\xff\xfe", b"\xfe\xff")
-COMMENT = re.compile(r'^[ \t]*CM_\s[^"]*"(?:[^"\\]|\\.)*"\s*;', re.MULTILINE)
+COMMENT = re.compile(r'^[ \t]*CM_\s[^"\n]*"(?:[^"\\]|\\.)*"\s*;', re.MULTILINE)
 BO_LINE = re.compile(r"^\s*BO_\s+(\d+)\s+(\w+)\s*:\s*(\d+)")
 SG_LINE = re.compile(
     r"^\s*SG_\s+([A-Za-z_]\w*)\s*(M|m\d+M?)?\s*:\s*(\d+)\s*\|\s*(\d+)\s*@\s*([01])\s*([+-])"
@@ -98,8 +99,8 @@ class _Block:
 def _text(path: Path) -> str:
     """The file without its comments, in whatever encoding it was saved."""
     try:
-        with path.open("rb") as stream:
-            raw = stream.read(LARGEST_BYTES + 1)
+        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as stream:  # a pipe would not end
+            raw = stream.read(LARGEST_BYTES + 1) or b""
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise DriverError(f"{path}: cannot be read ({reason}); give the path of a DBC in layout.file") from error

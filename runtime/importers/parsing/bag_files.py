@@ -88,6 +88,9 @@ class IndexedBag:
     def __init__(self, source: Path) -> None:
         self.damage = ""
         self._is_ros1 = source.is_file()
+        for path in () if self._is_ros1 else source.glob("*.db3"):
+            with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as database:
+                _check_tables(database)
         self._reader: Any = Reader1(source) if self._is_ros1 else Reader2(source)
         with self._reader:
             self.topics = {connection.topic: connection.msgtype for connection in self._reader.connections}
@@ -141,6 +144,7 @@ class LooseBag:
         begun = path.with_name(f"{path.name}-wal").exists()  # else nothing but the file counts, in any folder
         address = f"{path.resolve().as_uri()}?mode=ro{'' if begun else '&immutable=1'}"
         with closing(sqlite3.connect(address, uri=True)) as database:
+            _check_tables(database)
             rows = database.execute("SELECT id, name, type FROM topics").fetchall()
             names = {number: name for number, name, _ in rows}
             self.topics |= {name: normalised(kind) for _, name, kind in rows}
@@ -223,6 +227,14 @@ def normalised(type_name: str) -> str:
     """sensor_msgs/LaserScan of ROS 1 as sensor_msgs/msg/LaserScan."""
     package, _, name = type_name.partition("/")
     return type_name if "/msg/" in type_name or not name else f"{package}/msg/{name}"
+
+
+def _check_tables(database: sqlite3.Connection) -> None:
+    """Raises ValueError where what is read are views, which may have rows without end; bounds what a row may hold."""
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LARGEST_RECORD)
+    kinds = dict(database.execute("SELECT name, type FROM sqlite_master WHERE name IN ('topics', 'messages')"))
+    if kinds != {"topics": "table", "messages": "table"}:
+        raise ValueError("topics and messages are not two tables")
 
 
 def _loose_files(folder: Path) -> list[Path]:

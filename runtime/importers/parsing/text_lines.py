@@ -6,6 +6,7 @@ from pathlib import Path
 
 GZIP = b"\x1f\x8b"
 BLOCK_BYTES = 1 << 16
+MOST_INFLATED, FREE_BYTES = 50, 1 << 24  # logs pack to a tenth; gzip could do a thousandth. As much as this is free
 LINE_BYTES = 1 << 24  # a scan of 10000 beams has 100 kB; what is longer is no line of a log
 
 
@@ -41,16 +42,21 @@ class TextLines:
 
     def _inflated(self, blocks: Iterator[bytes]) -> Iterator[bytes]:
         """What comes out of one gzip member or several behind each other, up to where they are damaged."""
-        inflater, fresh = zlib.decompressobj(31), True
+        inflater, fresh, size = zlib.decompressobj(31), True, 0
         for block in blocks:
             rest = block
             while rest.strip(b"\0") if fresh else rest:  # members may be padded by zeros
                 try:
-                    yield inflater.decompress(rest)
+                    inflated = inflater.decompress(rest, BLOCK_BYTES)
                 except zlib.error as error:
                     self.damage = f"the compressed data are damaged ({error})"
                     return
-                rest, fresh = inflater.unused_data, inflater.eof
+                size += len(inflated)
+                if size > MOST_INFLATED * max(FREE_BYTES // MOST_INFLATED, self.source.stat().st_size):
+                    self.damage = f"the compressed data unpack to more than {MOST_INFLATED} times their size"
+                    return
+                yield inflated
+                rest, fresh = inflater.unused_data if inflater.eof else inflater.unconsumed_tail, inflater.eof
                 if inflater.eof:
                     inflater = zlib.decompressobj(31)
         if not fresh:

@@ -1,7 +1,10 @@
 """An archive of arrays is taken with whatever optional part it lacks, and refused in one sentence otherwise."""
 
+import io
 import json
+import os
 import shutil
+import zipfile
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
@@ -265,3 +268,24 @@ def test_whatever_the_arrays_are_the_answer_is_a_run_or_one_sentence(
             assert sum(tick.scan is not None for tick in recorded) == result["scans"] > 0
     finally:
         shutil.rmtree(folder)
+
+
+@pytest.mark.parametrize(
+    ("name", "descr", "why"), [("scan_t", "<f8", r"unpacks to 0\.1 GB"), ("meta", "<U1", "a description has at most")]
+)
+def test_an_archive_of_nothing_but_zeros_is_refused_before_it_is_unpacked(
+    tmp_path: Path, name: str, descr: str, why: str
+) -> None:
+    head = io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": descr, "fortran_order": False, "shape": (1 << 24,)})
+    with zipfile.ZipFile(tmp_path / "set.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(f"{name}.npy", head.getvalue() + bytes((1 << 24) * np.dtype(descr).itemsize))
+    with pytest.raises(DataSetError, match=why):
+        load_archive(tmp_path / "set.npz")
+
+
+def test_a_description_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
+    path = write_set(tmp_path / "set", SCANS | POSES, {"name": "set"})
+    (path / "meta.json").unlink(missing_ok=True)
+    os.mkfifo(path / "meta.json")
+    load_archive(path)  # which is not looked at: it is no file

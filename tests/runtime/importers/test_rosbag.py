@@ -3,7 +3,9 @@
 import dataclasses
 import math
 import shutil
+import sqlite3
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -262,3 +264,19 @@ def test_clocks_that_do_not_overlap_are_refused(tmp_path: Path) -> None:
 
     with pytest.raises(DataSetError, match="they do not overlap, so both need stamps of one clock"):
         scans_of(tmp_path, simulated)
+
+
+@pytest.mark.parametrize("has_metadata", [False, True])
+def test_a_bag_whose_messages_are_a_view_without_end_is_refused(tmp_path: Path, has_metadata: bool) -> None:
+    path = tmp_path / "bag" / "bag.db3"
+    path.parent.mkdir()
+    if has_metadata:
+        (path.parent / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
+    with closing(sqlite3.connect(path)) as database:
+        database.executescript(
+            "CREATE TABLE topics (id, name, type); INSERT INTO topics VALUES (1, '/scan', 'sensor_msgs/msg/LaserScan');"
+            "CREATE VIEW messages AS WITH RECURSIVE row (x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM row)"
+            " SELECT 1 AS topic_id, x AS timestamp, x'00' AS data FROM row;"
+        )
+    with pytest.raises(DataSetError, match=r"two tables|no laser|no topic|LaserScan"):
+        import_data_set(path.parent, tmp_path / "run")

@@ -1,5 +1,6 @@
 """Bytes of others, with checksums that are right: refused with their place, in little memory and time."""
 
+import os
 import struct
 import tracemalloc
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from runtime.messages.tick import Record
 from runtime.record.check import recover_run, run_info, verify_run
 from runtime.record.folder import RunFolder
 from runtime.record.manifest import Manifest
+from runtime.record.marks import running_run
 from runtime.record.mcap_prefix import MAGIC, METADATA, McapPrefix
 from runtime.record.reader import RunReader
 from runtime.tick import CompletedTick
@@ -102,6 +104,18 @@ def test_a_hundred_thousand_segments_that_are_gone_are_one_sentence(tmp_path: Pa
     run = run_with(tmp_path / "run", chunk(channel(1, "/other") + message(1, b"")), with_segment("100000"))
     damages = verify_run(run).damages
     assert "run-0001.mcap to run-99999.mcap are gone: nobody knows why" in damages
+
+
+def test_a_pipe_with_the_name_of_a_segment_is_named_and_keeps_nobody(tmp_path: Path) -> None:
+    run = run_of(tmp_path / "run", [records_of(1)])
+    os.mkfifo(run / "run-0001.mcap")
+    assert any("run-0001.mcap" in damage for damage in verify_run(run).damages)
+    with pytest.raises(NotARunError, match=r"run-0001\.mcap"):
+        run_info(run)
+    (tmp_path / "runs" / "a").mkdir(parents=True)
+    os.mkfifo(tmp_path / "runs" / "a" / "run.mcap")
+    with pytest.raises(NotARunError, match="no run is being recorded"):
+        running_run(tmp_path / "runs")
 
 
 SEGMENT = {"kind": "segment", "name": "run-0001.mcap", "number": 1, "bytes": 1, "sha256": "", "ticks": 1}

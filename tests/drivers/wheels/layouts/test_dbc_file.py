@@ -1,11 +1,14 @@
 """Real DBC files, with whatever stands in them beside the wheels."""
 
+import os
+import time
 from pathlib import Path
 
 import pytest
 
 from drivers.measurements import DriverError
 from drivers.wheels.layouts.choose import ROVER_DBC
+from drivers.wheels.layouts.cia406 import ENCODER_EDS, read_eds
 from drivers.wheels.layouts.dbc_file import dbc_messages
 from tests.support.drivers.dbc import COUNTS, HEAD, message, plain
 
@@ -89,3 +92,28 @@ def test_a_path_that_is_no_file_is_refused_in_one_sentence(tmp_path: Path, name:
 def test_a_scale_that_no_count_has_is_refused(tmp_path: Path, scale: str) -> None:
     with pytest.raises(DriverError, match="has the scale"):
         plain(tmp_path, COUNTS.replace("(1,0)", scale))
+
+
+def test_comments_that_never_begin_cost_time_in_proportion(tmp_path: Path) -> None:
+    def used_s(lines: int) -> float:
+        (tmp_path / "odd.dbc").write_text(COUNTS + "CM_ a\n" * lines)
+        began_s = time.process_time()
+        assert dbc_messages(tmp_path / "odd.dbc", ["LW"]).keys() == {"LW"}
+        return time.process_time() - began_s
+
+    used_s(10)
+    assert used_s(80_000) < 80 * max(used_s(8000), 0.01)  # by the square it would be more
+
+
+def test_a_pipe_is_no_dbc_and_keeps_nobody(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.dbc")
+    with pytest.raises(DriverError, match="holds no message"):
+        dbc_messages(tmp_path / "pipe.dbc", ["LW"])
+
+
+@pytest.mark.parametrize("counted", ["[6004Name]\nNrOfEntries=9999999999", "[Comments]\nLines =\n 9_999_999_999"])
+def test_an_eds_that_counts_to_billions_is_refused(tmp_path: Path, counted: str) -> None:
+    pytest.importorskip("canopen", reason="the extra canopen is not installed")
+    (tmp_path / "odd.eds").write_text(f"{ENCODER_EDS.read_text()}\n{counted}\n")
+    with pytest.raises(DriverError, match="counts millions of entries"):
+        read_eds(tmp_path / "odd.eds", 1)

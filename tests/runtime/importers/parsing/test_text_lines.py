@@ -1,6 +1,7 @@
 """Lines of a log come out whole, whatever was done to the file's end."""
 
 import gzip
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -51,3 +52,16 @@ def test_a_damaged_middle_ends_the_text_there(tmp_path: Path) -> None:
     lines, damage = read(tmp_path / "a", bytes(packed))
     assert "damaged" in damage
     assert 0 < len(lines) < 50_000 or "incorrect data check" in damage
+
+
+def test_a_file_that_unpacks_to_a_thousand_times_its_size_is_left_in_little_memory(tmp_path: Path) -> None:
+    data = gzip.compress(b"\n" * (1 << 26))
+    (tmp_path / "log.gz").write_bytes(data)
+    lines = TextLines(tmp_path / "log.gz")
+    tracemalloc.start()
+    count = sum(1 for _ in lines)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 0 < count < 1 << 25
+    assert "more than 50 times their size" in lines.damage
+    assert peak < 10 << 20
