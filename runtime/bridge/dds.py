@@ -51,6 +51,12 @@ class DdsParticipant:
 
         return RawWriter(DataWriter(self._participant, self._topic(topic), qos=_qos(topic)))
 
+    def reader(self, topic: BridgedTopic) -> "TypedReader":
+        """A reader of a topic."""
+        from cyclonedds.sub import DataReader
+
+        return TypedReader(DataReader(self._participant, self._topic(topic), qos=_qos(topic)))
+
     def _topic(self, topic: BridgedTopic) -> Any:
         from cyclonedds.topic import Topic
 
@@ -72,6 +78,18 @@ class RawWriter:
     def readers(self) -> int:
         """How many nodes read it now."""
         return len(self._writer.get_matched_subscriptions())
+
+
+class TypedReader:
+    """Takes messages that nodes write, as objects with the fields of their type."""
+
+    def __init__(self, reader: Any) -> None:
+        self._reader = reader
+
+    def take(self) -> Any:
+        """The oldest message that has not been taken; None where there is none."""
+        samples = self._reader.take(1)
+        return samples[0] if samples and hasattr(samples[0], "header") else None  # else a writer has gone
 
 
 def idl_type(type_name: str, made: dict[str, Any] | None = None) -> Any:

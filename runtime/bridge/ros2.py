@@ -4,15 +4,19 @@ import threading
 import time
 from collections import Counter
 from dataclasses import dataclass
+from queue import SimpleQueue
 from typing import Any, TextIO
 
-from runtime.bridge.dds import LOOPBACK, DdsParticipant, RawWriter
+from runtime.bridge.dds import LOOPBACK, DdsParticipant, RawWriter, TypedReader
 from runtime.bridge.frame_prefix import with_prefix
+from runtime.bridge.initial_pose import INITIAL_POSE, words_of
 from runtime.bridge.topics import ASKED, HEARD, MADE, TOPICS, BridgedTopic, in_namespace
+from runtime.commands import Command
 from runtime.errors import ConfigurationError, UsageError
 from runtime.maps.grid_message import grid_bytes
 from runtime.maps.live_grid import LiveGrid
 from runtime.printable import printable
+from runtime.publish.commands import Answer
 from runtime.publish.find_rover import find_rover
 from runtime.publish.follow import Follower, Message, following
 from runtime.publish.ros2_keys import ros_name
@@ -40,12 +44,15 @@ class BridgeOptions:
 
 
 class Bridge:
-    """Hands each message of a rover to the writer of its topic. sent: how many, by topic; troubles: each kind once."""
+    """Hands each message of a rover to the writer of its topic. sent: how many, by topic; troubles: each kind once;
+    answers: what the rover said to poses that it was told.
+    """
 
     def __init__(self, writers: dict[str, tuple[BridgedTopic, RawWriter]], frames: Frames) -> None:
         self._writers, self._frames = writers, frames
         self.sent: Counter[str] = Counter()
         self.troubles: dict[str, str] = {}
+        self.answers: SimpleQueue[str] = SimpleQueue()
 
     def take(self, message: Message) -> None:
         """A message of the rover, or one that was made here."""
@@ -58,6 +65,20 @@ class Bridge:
             return
         writer.write(data)
         self.sent[topic.name] += 1
+
+    def tell(self, message: Any, follower: Follower) -> None:
+        """A pose that somebody in ROS 2 says the rover has, to the rover."""
+        try:
+            words = words_of(message, self._frames)
+        except ValueError as error:
+            self.answers.put(f"a pose on {INITIAL_POSE.name} is passed over: {printable(str(error), 200)}")
+            return
+
+        def heard(answer: Answer) -> None:
+            said = "the rover looks around there" if answer.accepted else f"refused: {answer.reason}"
+            self.answers.put(f"initial pose {words}: {said}")
+
+        follower.command(Command.INITIAL_POSE, words, heard)
 
 
 def bridge_ros2(options: BridgeOptions, stop: threading.Event, said: TextIO) -> dict[str, Any]:
@@ -79,11 +100,19 @@ def bridge_ros2(options: BridgeOptions, stop: threading.Event, said: TextIO) -> 
         f"{', '.join(topic.name for topic in topics)}\n"
     )
     with following(rover, HEARD, options.config_file) as follower:
-        _run(follower, bridge, options.resolution_m, stop, said)
+        poses = participant.reader(in_namespace(INITIAL_POSE, namespace))
+        _run(follower, bridge, poses, options.resolution_m, stop, said)
     return {"rover": rover.name, "sent": dict(sorted(bridge.sent.items()))}
 
 
-def _run(follower: Follower, bridge: Bridge, resolution_m: float | None, stop: threading.Event, said: TextIO) -> None:
+def _run(
+    follower: Follower,
+    bridge: Bridge,
+    poses: TypedReader,
+    resolution_m: float | None,
+    stop: threading.Event,
+    said: TextIO,
+) -> None:
     grid: LiveGrid | None = None
     told, next_grid_s, next_scan_s = 0, 0.0, 0.0
     while not stop.is_set():
@@ -100,6 +129,10 @@ def _run(follower: Follower, bridge: Bridge, resolution_m: float | None, stop: t
         if grid is not None and grid.grid.scans and now_s >= next_grid_s:
             next_grid_s = now_s + GRID_S
             bridge.take(Message(MADE, grid_bytes(grid.grid.grid_map(), time.time_ns())))
+        if (told_pose := poses.take()) is not None:
+            bridge.tell(told_pose, follower)
+        while not bridge.answers.empty():
+            said.write(f"infant: {bridge.answers.get()}\n")
         troubles = [*bridge.troubles.values(), *(() if grid is None else grid.troubles.values())]
         for text in troubles[told:]:
             said.write(f"infant: {text}\n")

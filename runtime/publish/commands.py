@@ -55,9 +55,7 @@ def send_command(
         with tool_session(endpoint, config_file) as session:
             for reply in session.get(key, payload=reason.encode(), timeout=timeout_s):
                 said = reply.ok or reply.err
-                if said is None or len(said.payload) > LARGEST_MESSAGE:
-                    continue
-                if (answer := _answer(said.payload.to_bytes())) is not None:
+                if said is not None and (answer := answer_of(said.payload)) is not None:
                     return answer
     except zenoh.ZError as error:
         raise SensorError(f"{endpoint}: no connection ({short_reason(error)}); give --connect and --zenoh") from error
@@ -66,10 +64,12 @@ def send_command(
     )
 
 
-def _answer(payload: bytes) -> Answer | None:
-    """None for what zenoh itself says, for example that the time is over."""
+def answer_of(payload: zenoh.ZBytes) -> Answer | None:
+    """None for what zenoh itself says, for example that the time is over, and for what no rover says."""
+    if len(payload) > LARGEST_MESSAGE:
+        return None
     try:
-        said = json.loads(payload)
+        said = json.loads(payload.to_bytes())
         return Answer(said["accepted"] is True, printable(str(said["reason"])))
     except (ValueError, KeyError, TypeError, RecursionError):
         return None

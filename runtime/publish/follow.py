@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 import zenoh
 
+from runtime.commands import Command
 from runtime.errors import SensorError
+from runtime.publish.commands import Answer, answer_of, command_key
 from runtime.publish.find_rover import FoundRover
 from runtime.publish.session import LARGEST_ANSWER, short_reason, tool_session
 
@@ -57,6 +59,17 @@ class Follower:
             if reply.ok is not None and len(reply.ok.payload) <= LARGEST_ANSWER:
                 return bytes(reply.ok.payload.to_bytes())
         return None
+
+    def command(self, command: Command, reason: str, heard: Callable[[Answer], None]) -> None:
+        """Ask the rover to do something and wait for nothing; heard: told what it says, in a thread of zenoh."""
+
+        def hear(reply: zenoh.Reply) -> None:
+            said = reply.ok or reply.err
+            if said is not None and (answer := answer_of(said.payload)) is not None:
+                heard(answer)
+
+        key = command_key(self.rover, command)
+        self.session.get(key, zenoh.handlers.Callback(hear, indirect=False), payload=reason.encode(), timeout=ASK_S)
 
     def _into(self, name: str) -> Callable[[zenoh.Sample], None]:
         def keep(sample: zenoh.Sample) -> None:

@@ -17,7 +17,7 @@ from runtime.live_view.ticks import LiveTicks, path_of
 from runtime.maps.live_grid import LiveGrid
 from runtime.page.rover_state import HEARD as SHOWN
 from runtime.page.rover_state import RoverState
-from runtime.publish.commands import _answer
+from runtime.publish.commands import answer_of
 from runtime.publish.follow import Message
 from runtime.publish.publisher import ZenohPublisher
 from runtime.publish.rover_status import believed
@@ -174,7 +174,7 @@ def _hear(said: Payloads, rng: Random) -> None:
                     with_prefix(topic.type_name, data, Frames("rover"))
     state.beat(True)
     grid.grid.grid_map()
-    _answer(changed)
+    answer_of(zenoh.ZBytes(changed))
     for judge in (lambda: believed("infant/r1/status", changed), lambda: path_of(changed)):
         with suppress(ValueError):
             judge()
