@@ -27,6 +27,7 @@ MOST_POINTS = 200  # at most so many beams of a scan are used
 WHEELS_SIGMA_M = 0.02  # m; over seconds the wheels and the laser's mount are not more exact
 WHEELS_SIGMA_RAD = 0.01  # rad; the same for turns
 LEAST_POINTS = 25  # with fewer points on surfaces nothing is refined
+LEAST_VIEW_RAD = 1.0  # nor where what came back fills less of the view: people in an open place fill a third of that
 LEAST_SHARE = 0.3  # nor with a smaller share of the points that came back
 NEED_M = 0.15  # half the width of a door post: what the wheels may be off by before features are matched wrongly
 NEED_AMONG_WALLS_M = 0.1  # the same where a scan shows surfaces, onto which it can be laid more exactly than that
@@ -127,7 +128,7 @@ class Alignment:
         past = [seen for seen in past if same_directions(seen.scan, now.scan)]
         beams = self._beams(now)
         returned = np.flatnonzero(~np.isnan(beams.ranges_m))
-        if not past or len(returned) < LEAST_POINTS:
+        if not past or len(returned) < max(LEAST_POINTS, LEAST_VIEW_RAD / beams.spacing_rad):
             return None
         points = beams.points_m[returned[:: -(-len(returned) // MOST_POINTS)]]
         past_from_body = [

@@ -6,6 +6,8 @@ import pytest
 from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray, Scan, Sightings
+from drivers.settings.simulated_world import WorldSettings
+from runtime.studies.loss_detection.drives import simulated_ticks
 from slam.estimator import Estimator
 from slam.front_end import alignment_search
 from slam.front_end.alignment import Alignment
@@ -211,6 +213,20 @@ def test_wheels_that_count_backwards_as_forwards_hold_a_rover_in_a_corridor_less
                 better = alignment.refine(Scan(stamp_ns, ranges, BEARINGS_RAD, 0.0, 0, range_max_m=20.0), increment)
             gaps_m.append(abs(float(better.mean[0]) + 0.25))
     assert np.mean(np.array(gaps_m) < 0.05) > 0.55  # from the wheels' motion alone 0.43
+
+
+def test_good_wheels_are_not_overruled_by_people_who_walk_where_nothing_else_stands() -> None:
+    """A scan of people lies on the one before worse than usual whenever they walk on; that is no slip."""
+    odometry, alignment = Odometry(OdometrySettings()), Alignment(FrontEndSettings(), MOUNT)
+    returned = 0
+    for tick in simulated_ticks(WorldSettings(seed=1, place="empty"), 30.0):
+        assert tick.scan is not None
+        odometry.add(tick.wheels)
+        increment = odometry.take_until(tick.scan.stamp_ns)
+        returned = max(returned, int(np.isfinite(tick.scan.ranges_m).sum()))
+        assert alignment.refine(tick.scan, increment) is increment
+    assert returned > 60  # people fill some of the view
+    assert alignment.refined == 0
 
 
 def test_the_same_scans_give_the_same_bits(stops: list[Stop]) -> None:
