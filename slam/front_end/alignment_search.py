@@ -37,21 +37,21 @@ class Search:
         """The motion (3,) of least cost over all starts, its information (3, 3) and its number of points.
 
         prior (3,) x m, y m, heading rad with covariance (3, 3), positive definite. The starts differ in heading, and
-        in the position that goes with it. along: it is also looked for along the direction in which the scan ties the
-        position least: in a corridor it lies as well where the wheels say as where it was taken, but for door frames.
+        in the position that goes with it. along: then also along the direction in which the scan says least of the
+        position, as in a corridor, where only door frames tell a wrong place from the right one.
         """
         wheels = Prior(prior, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
         narrowing = np.geomspace(GATE_FIRST_M, GATE_LAST_M, NARROWING_STEPS)
         coarse = max(1, -(-len(self.points_m) // COARSE_POINTS))
         offsets = np.linspace(-START_DEVIATIONS, START_DEVIATIONS, STARTS) if STARTS > 1 else np.zeros(1)
         starts = [prior + off * covariance[:, 2] / math.sqrt(covariance[2, 2]) for off in offsets]
-        _, motion = self._cheapest(wheels, starts, coarse, narrowing)
+        motion = self._cheapest(wheels, starts, coarse, narrowing)
         last = np.full(FINAL_STEPS, GATE_LAST_M)
         posterior, count, cost = self._descend(wheels, motion, 1, last)
         if along:
-            direction = _least_tied(posterior - wheels.information)
+            direction = _least_known(posterior - wheels.information)
             places = [motion + off_m * direction for off_m in ALONG_M]
-            _, other = self._cheapest(wheels, places, coarse, np.full(ALONG_STEPS, GATE_LAST_M))
+            other = self._cheapest(wheels, places, coarse, np.full(ALONG_STEPS, GATE_LAST_M))
             if abs(float((other - motion) @ direction)) > RIVAL_M:
                 its_posterior, its_count, its_cost = self._descend(wheels, other, 1, last)
                 if its_cost < cost:
@@ -73,13 +73,10 @@ class Search:
         count, _ = normal_equations(self.points_m, 1, self.past, motion, GATE_LAST_M, np.zeros((3, 3)), np.zeros(3))
         return int(count)
 
-    def _cheapest(
-        self, prior: Prior, starts: list[FloatArray], stride: int, gates_m: FloatArray
-    ) -> tuple[float, FloatArray]:
-        """Cost and motion of the best end of a search from each start (3,); these are moved in place."""
+    def _cheapest(self, prior: Prior, starts: list[FloatArray], stride: int, gates_m: FloatArray) -> FloatArray:
+        """Where the search of least cost ends; it begins at each start (3,), which is moved in place."""
         costs = [self._descend(prior, start, stride, gates_m)[2] for start in starts]
-        best = int(np.argmin(costs))
-        return costs[best], starts[best]
+        return starts[int(np.argmin(costs))]
 
     def _descend(
         self, prior: Prior, motion: FloatArray, stride: int, gates_m: FloatArray
@@ -90,7 +87,7 @@ class Search:
         return posterior, count, cost
 
 
-def _least_tied(information: FloatArray) -> FloatArray:
-    """The direction (3,), without turn, of which a scan's information (3, 3) holds least."""
+def _least_known(information: FloatArray) -> FloatArray:
+    """The direction (3,), without turn, of which a scan with this information (3, 3) says least."""
     _, directions = np.linalg.eigh(information[:2, :2])
     return np.array((*directions[:, 0], 0.0))

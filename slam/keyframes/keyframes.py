@@ -33,24 +33,22 @@ MOST_BEAMS = 541  # of a keyframe are kept
 LEAST_POINTS, LEAST_SHARE = 30, 0.5  # on surfaces of the keyframe
 FARTHEST_M, FARTHEST_RAD = 8.0, 0.5  # sigma beyond which it is not looked for at all
 LARGEST_SQUARE = 50.0  # of a fit that contradicts the filter; farther off it is another place that looks alike
-LYING_SHARE, LYING_M = (
-    0.6,
-    0.02,
-)  # of its points, and sigma, of a scan that lies on the map: one in a hundred from a wrong pose
+LYING_SHARE = 0.6  # of the points of a scan that lies on the map; from a wrong pose one in a hundred does
+LYING_M = 0.02  # sigma of its position, m, by its points alone
 INFORMATION_SHARE = 0.3  # of a fit's own claim: neighbouring scans share the errors of the keyframe
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Keyframe:
     """A scan as it was taken: points_m and normals (n, 2) in the laser's frame, single precision; first_rad,
-    spacing_rad: where its beams point. number: of the scan.
+    spacing_rad: where its beams point. scan: its number in the map.
     """
 
     points_m: FloatArray
     normals: FloatArray
     first_rad: float
     spacing_rad: float
-    number: int
+    scan: int
 
     @property
     def field_of_view_rad(self) -> float:
@@ -152,19 +150,19 @@ class Keyframes:
         self._joint.add_keyframe()
 
     def lies_on(self, beams: Beams, before_scan: int) -> bool:
-        """Whether the scan lies on the nearest keyframe that was made before a scan, where the pose says that it should
-        and tied in every direction.
+        """Whether the scan lies on the nearest keyframe that was made before a scan, where the pose says that it
+        should, and says itself where that is, in every direction.
         """
         points = self._points(beams)
         apart = self._apart(self._joint.from_keyframes())
-        apart[[keyframe.number >= before_scan for keyframe in self._keyframes]] = math.inf
+        apart[[keyframe.scan >= before_scan for keyframe in self._keyframes]] = math.inf
         if len(points) < LEAST_POINTS or not np.isfinite(apart).any():
             return False
-        search = self._search(int(np.argmin(apart)), points)
-        if search is None:
+        laid = self._lay(int(np.argmin(apart)), points)
+        if laid is None:
             return False
-        tied = np.linalg.eigvalsh((search.information - search.held)[:2, :2])[0]
-        return bool(search.count >= LYING_SHARE * len(points) and tied >= LYING_M**-2)
+        least_known = np.linalg.eigvalsh((laid.information - laid.held)[:2, :2])[0]
+        return bool(laid.count >= LYING_SHARE * len(points) and least_known >= LYING_M**-2)
 
     def forget_from(self, number: int) -> None:
         """Forget the keyframes from this number on: they were not taken where the map has them."""
@@ -176,9 +174,8 @@ class Keyframes:
     def _points(self, beams: Beams) -> FloatArray:
         """Some of the returns (p, 2), body frame."""
         returned = np.flatnonzero(~np.isnan(beams.ranges_m))
-        if len(returned) == 0:
-            return np.empty((0, 2))
-        return self._body_from_laser.transform(beams.points_m[returned[:: -(-len(returned) // MOST_POINTS)]])
+        stride = max(1, -(-len(returned) // MOST_POINTS))
+        return self._body_from_laser.transform(beams.points_m[returned[::stride]])
 
     def _apart(self, between: FloatArray) -> FloatArray:
         """(K,) how far each keyframe is away, m and turns counted as such; inf beyond reach."""
@@ -199,14 +196,14 @@ class Keyframes:
         """Lay points (p, 2), body frame, onto a keyframe; None where they do not fit, or where the search could end in
         the wrong place, else whether it is near.
         """
-        laid = self._search(number, points_m)
+        laid = self._lay(number, points_m)
         if laid is None or laid.count < max(LEAST_POINTS, LEAST_SHARE * len(points_m)):
             return None
         if not self._tell(number, laid.motion, laid.information, laid.held):
             return None
         return bool(math.hypot(laid.predicted[0], laid.predicted[1]) < NEW_M and abs(laid.predicted[2]) < NEW_RAD)
 
-    def _search(self, number: int, points_m: FloatArray) -> Laid | None:
+    def _lay(self, number: int, points_m: FloatArray) -> Laid | None:
         """Lay points (p, 2), body frame, onto a keyframe; None where the search could end in the wrong place."""
         predicted, covariance = self._joint.from_keyframe(number)
         spread = np.diag(covariance)

@@ -2,7 +2,10 @@ import numpy as np
 import pytest
 
 from drivers.measurements import FloatArray
+from slam.estimate import Quality
+from slam.estimator import Estimator
 from slam.front_end.deskew import Beams, Twist, deskew
+from slam.joint.evidence import Evidence
 from slam.joint.gaussian import JointGaussian
 from slam.keyframes.keyframes import Keyframes
 from slam.pose import Pose2
@@ -11,6 +14,7 @@ from slam.settings.slam import SlamSettings
 from tests.support.slam.corridor import Stop, drive_round
 
 MOUNT = Pose2(0.1, 0.0, 0.0)
+GONE = Evidence(known=5, missed=5, against=2.0)
 WHEELS = np.diag((0.05, 0.05, 0.03)) ** 2
 
 
@@ -81,6 +85,23 @@ def test_a_scan_of_another_place_is_not_believed(stops: list[Stop]) -> None:
     )
     assert not keyframes.constrain(other)
     assert joint.map_from_body == before
+
+
+@pytest.mark.parametrize("is_asked", [True, False])
+def test_corners_that_are_missed_lose_a_rover_only_where_its_scans_do_not_lie_on_the_map(
+    is_asked: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second time round the ring, none of the corners is found where it should be; the pose is right all the time."""
+    tree = {"particles": 10, "mount": {"x_m": MOUNT.x_m}, "odometry": {"model": "pose", "gap_s": 4.0}}
+    estimator, lost = Estimator(SlamSettings.model_validate(tree), 1), 0
+    if not is_asked:
+        monkeypatch.setattr(Keyframes, "lies_on", lambda *_: False)
+    stops = drive_round(1, 1.8, MOUNT)
+    for number, stop in enumerate(stops):
+        if number == int(len(stops) / 1.5):
+            monkeypatch.setattr("slam.joint.gaussian.score", lambda *_: GONE)
+        lost += estimator.step(stop.scan.stamp_ns, stop.scan, (stop.wheels,)).quality is Quality.LOST
+    assert (lost == 0) is is_asked
 
 
 def test_a_scan_lies_on_the_map_where_the_pose_is_right_and_not_where_it_is_wrong(stops: list[Stop]) -> None:
