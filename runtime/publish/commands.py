@@ -59,9 +59,12 @@ def send_command(
                     return answer
     except zenoh.ZError as error:
         raise SensorError(f"{endpoint}: no connection ({short_reason(error)}); give --connect and --zenoh") from error
-    raise SensorError(
-        f"{rover} at {endpoint} does not answer {key}; is it up, publish.commands on, and an access rule there?"
-    )
+    raise SensorError(no_answer(f"{rover} at {endpoint}", key))
+
+
+def no_answer(rover: str, key: str) -> str:
+    """What is said where nobody answers a command."""
+    return f"{rover} does not answer {key}; is it up, publish.commands on, and an access rule there?"
 
 
 def answer_of(payload: zenoh.ZBytes) -> Answer | None:

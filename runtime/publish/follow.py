@@ -10,7 +10,7 @@ import zenoh
 
 from runtime.commands import Command
 from runtime.errors import SensorError
-from runtime.publish.commands import Answer, answer_of, command_key
+from runtime.publish.commands import Answer, answer_of, command_key, no_answer
 from runtime.publish.find_rover import FoundRover
 from runtime.publish.session import LARGEST_ANSWER, short_reason, tool_session
 
@@ -61,15 +61,20 @@ class Follower:
         return None
 
     def command(self, command: Command, reason: str, heard: Callable[[Answer], None]) -> None:
-        """Ask the rover to do something and wait for nothing; heard: told what it says, in a thread of zenoh."""
+        """Ask the rover to do something and wait for nothing; heard: told once what it says, in a thread of zenoh."""
+        key = command_key(self.rover, command)
+        answers: list[Answer] = []
 
         def hear(reply: zenoh.Reply) -> None:
             said = reply.ok or reply.err
             if said is not None and (answer := answer_of(said.payload)) is not None:
-                heard(answer)
+                answers.append(answer)
 
-        key = command_key(self.rover, command)
-        self.session.get(key, zenoh.handlers.Callback(hear, indirect=False), payload=reason.encode(), timeout=ASK_S)
+        def end() -> None:
+            heard(answers[0] if answers else Answer(False, no_answer(self.rover, key)))
+
+        callback = zenoh.handlers.Callback(hear, end, indirect=False)
+        self.session.get(key, callback, payload=reason.encode(), timeout=ASK_S)
 
     def _into(self, name: str) -> Callable[[zenoh.Sample], None]:
         def keep(sample: zenoh.Sample) -> None:

@@ -4,6 +4,7 @@ import io
 import threading
 from dataclasses import replace
 from pathlib import Path
+from queue import SimpleQueue
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,7 +15,9 @@ from runtime.bridge.initial_pose import words_of
 from runtime.bridge.ros2 import BridgeOptions, bridge_ros2
 from runtime.commands import Command, command_of, parse_prior
 from runtime.errors import SensorError
+from runtime.publish.commands import Answer
 from runtime.publish.find_rover import find_rover
+from runtime.publish.follow import following
 from runtime.ros2.poses import POSE, pose_bytes
 from runtime.ros2.vehicle import Frames
 from slam.pose import Pose2
@@ -61,6 +64,21 @@ def answers(port: int) -> bool:
         return bool(find_rover(f"tcp/127.0.0.1:{port}", "r1"))
     except SensorError:
         return False
+
+
+def test_a_rover_that_takes_no_commands_is_named_as_one() -> None:
+    port, heard = free_port(), SimpleQueue[Answer]()
+    with publishing(settings_on(port)) as publisher:
+        assert opened(publisher)
+        put_ticks(publisher, range(3), 0.0)
+        assert until(lambda: answers(port))
+        with following(find_rover(f"tcp/127.0.0.1:{port}", "r1"), ()) as follower:
+            follower.command(Command.INITIAL_POSE, "1,2,3", heard.put)
+            assert until(lambda: not heard.empty())
+    answer = heard.get()
+    assert not answer.accepted
+    assert "r1 does not answer infant/r1/command/initial_pose; is it up, publish.commands on" in answer.reason
+    assert heard.empty()
 
 
 def test_a_pose_written_in_dds_arrives_at_the_rover_and_its_answer_is_told(tmp_path: Path) -> None:
