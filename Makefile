@@ -11,7 +11,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check 
 export OPENBLAS_NUM_THREADS := 1
 export RERUN_ANALYTICS := off
 
-.PHONY: run test check lint types fuzz mutations sbom audit bench soak faults browser system ros firsthour docs lock clean help
+.PHONY: run test check lint types fuzz mutations sbom audit bench soak faults browser system ros firsthour reference docs lock clean help
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -68,6 +68,9 @@ ros: $(VENV)/.installed-dev
 
 firsthour: $(VENV)/.installed-dev
 	$(BIN)/python -m runtime.studies.first_hour $(ARGS)
+
+reference: $(VENV)/.installed-dev
+	$(BIN)/python -m docs.generate.pages
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -q -d build/doctrees docs build/docs

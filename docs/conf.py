@@ -1,11 +1,5 @@
 """Sphinx makes the pages: `make docs`. Nothing is fetched when they are looked at."""
 
-from pathlib import Path
-
-from sphinx.application import Sphinx
-
-from docs.generate.pages import write_pages
-
 project = "Infant"
 extensions = ["myst_parser"]
 source_suffix = {".md": "markdown"}
@@ -17,8 +11,3 @@ html_copy_source = False
 myst_heading_anchors = 3
 myst_enable_extensions = ["colon_fence"]
 nitpicky = True
-
-
-def setup(app: Sphinx) -> None:
-    """The reference is written out of the code before anything is read."""
-    app.connect("builder-inited", lambda app: write_pages(Path(app.srcdir) / "reference"))

@@ -14,7 +14,7 @@ HEAD = """# Commands
 Names and options are fixed: other tools rely on them. `--json` prints one object on standard output and nothing else
 there. `infant --install-completion` teaches the shell to complete them.
 
-This page is made from the commands themselves (`make docs`).
+This page is generated from the commands themselves (`make reference`).
 """
 
 

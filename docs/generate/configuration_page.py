@@ -14,28 +14,22 @@ from runtime.settings.keys import Table, tables
 
 UNITS = {
     "m": "m",
-    "mm": "mm",
     "s": "s",
     "ms": "ms",
-    "us": "µs",
-    "ns": "ns",
     "hz": "Hz",
     "rad": "rad",
     "deg": "deg",
     "mps": "m/s",
     "radps": "rad/s",
-    "rps": "1/s",
     "gb": "GB",
-    "mb": "MB",
-    "ppm": "ppm",
-    "m2": "m²",
-    "rad2": "rad²",
-    "m_per_m": "m/m",
-    "rad_per_m": "rad/m",
-    "rad_per_rad": "rad/rad",
-    "mps2": "m/s²",
-    "kg": "kg",
-    "bps": "bit/s",
+    "m_per_sqrt_m": "m/√m",
+    "rad_per_sqrt_m": "rad/√m",
+    "rad_per_sqrt_rad": "rad/√rad",
+    "std_per_m": "m/√m",
+    "per_metre": "1/m",
+    "per_rev": "counts",
+    "bytes": "bytes",
+    "bitrate": "bit/s",
 }
 """What the last part of a key says of its unit."""
 BOUNDS = (("gt", ">"), ("ge", "≥"), ("lt", "<"), ("le", "≤"))
@@ -60,15 +54,18 @@ TASKS = {
 """Tables by task. A table that is not named goes with the nearest one above it that is."""
 HEAD = """# Configuration
 
-A configuration is one TOML file. Every key has a default unless it is *required*, and most files need few:
-`config/rover.toml` is one to copy. `infant check --config FILE` tells whether a file can be used; a wrong key, type or
-value is one sentence with the key's full name (exit code 3). Any key can be changed for one run:
-`infant run --config FILE --set slam.particles=200`. The configuration in force is kept in each run as `config.toml`.
+A configuration is one TOML file. Every key has a default unless it is *required*, and most files set only a few: start
+from a copy of `config/rover.toml`. `infant check --config FILE` says whether a file can be used. A wrong key, type or
+value is reported in one sentence with the full name of the key (exit code 3).
 
-What stands here someone has a reason to change. Every other number is a constant beside the code that uses it, with its
-origin.
+- `infant config --explain KEY` shows the same for one key, and `infant config --diff FILE` what a file changes.
+- Any key can be changed for one run: `infant run --config FILE --set slam.particles=200`.
+- Each run keeps the configuration that was in force, as `config.toml`.
 
-This page is made from the models that read the file (`make docs`).
+A key is listed here because somebody has a reason to change it. Every other number is a constant in the code, with its
+origin next to it.
+
+This page is generated from the models that read the file. Run `make reference` after changing a key.
 """
 
 
@@ -100,7 +97,7 @@ def _section(table: Table) -> str:
     rows = [_row(name, field) for name, field in table.leaves()]
     if not rows:
         return ""
-    head = "| key | value | what it is, when to change it |\n|---|---|---|\n"
+    head = "| key | type and range | unit | default | meaning, and how to find the value |\n|---|---|---|---|---|\n"
     return f"\n### {_title(table)}\n\n{_about(table.model)}{head}{''.join(rows)}"
 
 
@@ -118,15 +115,20 @@ def _about(model: type[BaseModel]) -> str:
 
 
 def _row(name: str, field: FieldInfo) -> str:
-    facts = [_words(field.annotation), unit(name), _range(field), _default(field)]
-    value = ", ".join(fact for fact in facts if fact)
-    return f"| `{name}` | {_escaped(value)} | {_escaped(field.description or '')} |\n"
+    words = ", ".join(fact for fact in (_words(field.annotation), _range(field)) if fact)
+    cells = (f"`{name}`", _escaped(words), unit(name), _default(field), _escaped(meaning(name, field)))
+    return f"| {' | '.join(cells)} |\n"
+
+
+def meaning(name: str, field: FieldInfo) -> str:
+    """What the key is for and how its value is found; the word that chooses between tables has no text of its own."""
+    return field.description or ("chooses this kind of table" if name == "kind" else "")
 
 
 def unit(name: str) -> str:
     """The unit that a key's name ends with, "" where it has none."""
     parts = name.split("_")
-    return next((UNITS[end] for k in range(1, len(parts)) if (end := "_".join(parts[k:])) in UNITS), "")
+    return next((UNITS[end] for k in range(len(parts)) if (end := "_".join(parts[k:])) in UNITS), "")
 
 
 def _words(annotation: Any) -> str:
@@ -149,7 +151,9 @@ def _words(annotation: Any) -> str:
 
 def _range(field: FieldInfo) -> str:
     limits = [*field.metadata, *(each for inner in typing.get_args(field.annotation) for each in _limits(inner))]
-    said = [f"{sign} {getattr(limit, name)}" for limit in limits for name, sign in BOUNDS if hasattr(limit, name)]
+    said = [
+        f"{sign} {_number(getattr(limit, name))}" for limit in limits for name, sign in BOUNDS if hasattr(limit, name)
+    ]
     for limit in limits:
         said += [f"at least {limit.min_length} long"] if getattr(limit, "min_length", None) else []
         said += [f"matches `{limit.pattern}`"] if getattr(limit, "pattern", None) else []
@@ -166,11 +170,17 @@ def _default(field: FieldInfo) -> str:
         return "*required*"
     value = field.get_default(call_default_factory=True)
     if value is None or value is PydanticUndefined:
-        return "default: absent"
+        return "absent"
     if isinstance(value, BaseModel):
         return ""
     value = value.value if isinstance(value, Enum) else value
-    return f"default `{json.dumps(value, default=str, ensure_ascii=False)}`"
+    text = _number(value) if isinstance(value, float) else json.dumps(value, default=str, ensure_ascii=False)
+    return f"`{text}`"
+
+
+def _number(value: float) -> str:
+    """Six digits are enough for a reader; whole numbers stay whole."""
+    return str(value) if isinstance(value, int) else f"{value:.6g}"
 
 
 def _escaped(text: str) -> str:

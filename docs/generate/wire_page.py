@@ -60,7 +60,7 @@ All numbers are SI; headings are counter-clockwise in radians; frames are those 
 `base_link`, `laser`). Stamps that leave the rover are wall time; inside `run.mcap` they are the host's monotonic clock,
 and the head of the file says what the wall clock showed at its start.
 
-This page is made from the tables by which the rover speaks (`make docs`).
+This page is generated from the tables that the rover itself uses (`make reference`).
 """
 
 
