@@ -18,6 +18,12 @@ from slam.pose import composed, inverted, wrap_rads
 ATTACHMENT = "truth.npz"
 LARGEST_BYTES = 64 << 20  # of all arrays together: two million poses
 LONGEST_KIND = 200
+PACKINGS, ENCRYPTED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED), 1
+UNREADABLE = (
+    *(ValueError, ArithmeticError, EOFError, OSError, MemoryError, RuntimeError, SyntaxError),
+    *(zipfile.BadZipFile, zlib.error),
+)
+"""What numpy raises on an archive that is none, or that says too much."""
 WIDTHS = {"fixes": 3, "poses": 4, "relations": 5, "landmarks": 3}
 Mount = tuple[float, float, float]
 NO_OFFSET = (0.0, 0.0, 0.0)
@@ -79,7 +85,7 @@ class DataSetTruth:
                 raise ValueError("an array of another shape")
             floats = {name: np.asarray(array, np.float64) for name, array in arrays.items()}
             return cls(pose_kind=kind, of_body=of_body, **floats)
-        except (ValueError, KeyError, TypeError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
+        except (*UNREADABLE, KeyError, TypeError) as error:
             why = printable(str(error), 200)
             raise NotARunError(f"the run's {ATTACHMENT} is no truth ({why}); import the data set again") from error
 
@@ -87,6 +93,8 @@ class DataSetTruth:
 def _arrays(data: bytes) -> dict[str, NDArray[Any]]:
     """Raises ValueError where they would take too much memory, and all that the reader of archives raises."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        if any(each.compress_type not in PACKINGS or each.flag_bits & ENCRYPTED for each in archive.infolist()):
+            raise ValueError("it is packed as numpy does not")
         size = sum(each.file_size for each in archive.infolist())
         if size > LARGEST_BYTES:
             raise ValueError(f"it would unpack to {size} bytes, {LARGEST_BYTES} are allowed")

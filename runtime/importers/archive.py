@@ -1,8 +1,8 @@
 """A recorded data set as arrays with a description (format ld2d-1), and how it is read from an .npz file."""
 
 import json
+import os
 import zipfile
-import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from runtime.bounded_read import read_bounded
 from runtime.errors import DataSetError
+from runtime.evaluate.truth import ENCRYPTED, PACKINGS, UNREADABLE
 from runtime.importers.parsing.checks import KNOWN, checked
+from runtime.importers.parsing.inflation import Inflation
 from runtime.importers.parsing.left_out import LeftOut
 from runtime.messages.tick import Record
 
 LARGEST_BYTES = 1 << 32  # of all arrays together; a day of a fast laser has a tenth
-MOST_INFLATED, FREE_BYTES = 50, 1 << 26  # ranges pack to a third, zeros to a thousandth. As much as this is free
+END_OF_DIRECTORY, LONGEST_END, LARGEST_DIRECTORY = b"PK\5\6", 1 << 16, 1 << 18  # of zip
 LARGEST_META = 1 << 20
 META = "meta"
 SHOWN = 6  # names of a folder's files in a message
@@ -83,7 +85,7 @@ def load_archive(source: Path) -> Archive:
         )
     try:
         arrays = _arrays(path)
-    except (OSError, EOFError, ValueError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
+    except UNREADABLE as error:
         raise DataSetError(f"{path} cannot be read as a data set ({error}); fetch it again") from error
     meta = _meta(path, arrays.pop(META, None))
     left_out = LeftOut()
@@ -94,13 +96,19 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     """The members that a data set can have. Raises DataSetError, and whatever a file that is no archive makes numpy
     raise.
     """
+    _check_directory(path)
     with zipfile.ZipFile(path) as members:  # numpy would take what is none for a pickle, and say so
-        sizes = {item.filename.removesuffix(".npy"): item.file_size for item in members.infolist()}
+        items = members.infolist()
+    sizes = {item.filename.removesuffix(".npy"): item.file_size for item in items}
+    if len(sizes) < len(items) or any(
+        item.compress_type not in PACKINGS or item.flag_bits & ENCRYPTED for item in items
+    ):
+        raise DataSetError(f"{path} holds a name twice, or is packed as numpy does not; save it again with numpy.savez")
     size = sum(size for name, size in sizes.items() if name in KNOWN)
-    most = min(LARGEST_BYTES, max(FREE_BYTES, MOST_INFLATED * path.stat().st_size))
+    most = min(LARGEST_BYTES, Inflation(path.stat().st_size).left)
     if size > most:
         raise DataSetError(
-            f"{path} unpacks to {size / 1e9:.1f} GB, expected at most {most / 1e9:.1f} GB of such a file"
+            f"{path} unpacks to {size / 1e6:.0f} MB, expected at most {most / 1e6:.0f} MB of such a file"
         )
     if sizes.get(META, 0) > LARGEST_META:
         raise DataSetError(f"{path}: array {META} has {sizes[META]} bytes, a description has at most {LARGEST_META}")
@@ -109,11 +117,22 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
         for name in (name for name in archive.files if name in KNOWN or name == META):
             try:
                 arrays[name] = archive[name]
-            except (ValueError, SyntaxError, MemoryError, TypeError) as error:
+            except (ValueError, SyntaxError, MemoryError, TypeError, ArithmeticError) as error:
                 raise DataSetError(
                     f"{path}: array {name} cannot be read; expected plain numbers as numpy.savez writes them"
                 ) from error
     return {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
+
+
+def _check_directory(path: Path) -> None:
+    """Raises BadZipFile for a list of contents so long that reading it would fill the memory."""
+    with path.open("rb") as stream:
+        size = stream.seek(0, os.SEEK_END)
+        stream.seek(max(0, size - LONGEST_END))
+        end = stream.read()
+    at = end.rfind(END_OF_DIRECTORY)
+    if at >= 0 and len(end) >= at + 16 and int.from_bytes(end[at + 12 : at + 16], "little") > LARGEST_DIRECTORY:
+        raise zipfile.BadZipFile(f"its list of contents is longer than {LARGEST_DIRECTORY} bytes")
 
 
 def _meta(path: Path, member: NDArray[Any] | None) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from runtime.errors import DataSetError
 from runtime.evaluate.rows import relative_poses
 from runtime.importers.archive import Archive
 from runtime.importers.parsing import carmen_lines
+from runtime.importers.parsing.beams import padded_ranges
 from runtime.importers.parsing.carmen_lines import LaserLine
 from runtime.importers.parsing.gmapping_output import MARK, wheels_own_motion
 from runtime.importers.parsing.left_out import LeftOut
@@ -132,13 +133,10 @@ def _archive(log: _Log) -> Archive:
         )
     lines = [line for _, line in scans]
     beams = max(len(line.ranges_m) for line in lines)
-    ranges = np.full((len(lines), beams), np.nan, np.float32)
-    for row, line in zip(ranges, lines, strict=True):
-        row[: len(line.ranges_m)] = line.ranges_m
     geometry = np.array([(*carmen_lines.angles(line, log.told), len(line.ranges_m)) for line in lines])
     arrays: dict[str, Any] = {
         "scan_t": np.array([stamp_s for stamp_s, _ in scans]),
-        "ranges": ranges,
+        "ranges": padded_ranges([line.ranges_m for line in lines]),
         "scan_angle_min": geometry[:, 0],
         "scan_angle_increment": geometry[:, 1],
         "scan_beams": geometry[:, 2].astype(np.int64),

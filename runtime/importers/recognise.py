@@ -4,8 +4,8 @@ from pathlib import Path
 
 from runtime.errors import DataSetError, UsageError
 from runtime.importers.archive import Archive, load_archive
+from runtime.importers.bags.open_bag import is_bag
 from runtime.importers.carmen import WORDS, load_carmen
-from runtime.importers.parsing.bag_files import is_bag
 from runtime.importers.parsing.candump_lines import candump_line
 from runtime.importers.parsing.scip_capture import is_scip
 from runtime.importers.parsing.text_lines import TextLines

@@ -13,7 +13,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from drivers.measurements import FloatArray
 from runtime.errors import DataSetError
 from runtime.importers.archive import Archive
-from runtime.importers.parsing.bag_files import BROKEN, Bag, BagMessage, open_bag
+from runtime.importers.bags.message import BROKEN, Bag, BagMessage
+from runtime.importers.bags.open_bag import open_bag
+from runtime.importers.parsing.beams import MOST_BEAMS, padded_ranges
 from runtime.importers.parsing.checks import checked
 from runtime.importers.parsing.left_out import LeftOut
 from runtime.importers.parsing.transforms import between, matrix
@@ -25,6 +27,8 @@ OPTIONS = {SCAN_TYPE: "--scan-topic", ODOMETRY_TYPE: "--odom-topic"}
 ODOMETRY_FRAME = "odom"
 FAR_M = 100.0  # range of a laser whose messages do not say
 SWEEP_SHARE = 1.1  # of the time between two scans: longer sweeps are a driver's made-up time_increment
+MOST_FRAMES = 1000  # pairs of frames that are kept
+MOST_LISTED = 40  # topics in a message
 LEVEL = 0.97  # cosine of 14 deg: a laser that is tilted more sees the floor
 
 
@@ -84,17 +88,22 @@ def _topic(source: Path, bag: Bag, type_name: str, named: str | None, left_out: 
     if len(candidates) < 2:
         return candidates[0] if candidates else None
     if USUAL[type_name] in candidates:
-        others = ", ".join(topic for topic in candidates if topic != USUAL[type_name])
+        others = _some([topic for topic in candidates if topic != USUAL[type_name]])
         left_out.notes.append(f"{USUAL[type_name]} is taken; {OPTIONS[type_name]} chooses another: {others}")
         return USUAL[type_name]
     raise DataSetError(
-        f"{source} has {len(candidates)} topics of type {type_name}: {', '.join(candidates)}; choose one with "
+        f"{source} has {len(candidates)} topics of type {type_name}: {_some(candidates)}; choose one with "
         f"{OPTIONS[type_name]}"
     )
 
 
 def _listed(bag: Bag) -> str:
-    return ", ".join(f"{topic} ({kind})" for topic, kind in sorted(bag.topics.items())) or "none"
+    return _some([f"{topic} ({kind})" for topic, kind in sorted(bag.topics.items())]) or "none"
+
+
+def _some(names: list[str]) -> str:
+    more = len(names) - MOST_LISTED
+    return ", ".join(names[:MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 @cache
@@ -125,7 +134,9 @@ def _gather(bag: Bag, scan_topic: str, odometry_topic: str | None, left_out: Lef
         except (SerdeError, *BROKEN) as error:
             left_out.add(what, "the message cannot be decoded", f"{message.topic}: {error}")
             continue
-        if message.topic == scan_topic:
+        if message.topic == scan_topic and len(told.ranges) > MOST_BEAMS:
+            left_out.add(what, f"more than {MOST_BEAMS} beams", message.topic)
+        elif message.topic == scan_topic:
             found.scans.append((_stamp_s(told.header, message), told))
         elif message.topic == odometry_topic:
             found.odometry.append((_stamp_s(told.header, message), *_planar(told.pose.pose)))
@@ -146,7 +157,8 @@ def _note_transforms(transforms: list[Any], message: BagMessage, found: _Gathere
             found.bases.append((_stamp_s(each.header, message), offset.x, offset.y, heading_rad))
             found.base_frame = found.base_frame or child
         else:
-            found.transforms.setdefault((parent, child), whole)
+            if len(found.transforms) < MOST_FRAMES:
+                found.transforms.setdefault((parent, child), whole)
 
 
 def _frame(name: str) -> str:
@@ -170,12 +182,9 @@ def _scans(found: _Gathered) -> tuple[dict[str, Any], dict[str, Any]]:
     scans = [told for _, told in found.scans]
     stamps_s = np.array([stamp_s for stamp_s, _ in found.scans])
     counts = np.array([len(told.ranges) for told in scans])
-    ranges = np.full((len(scans), counts.max()), np.nan, np.float32)
-    for row, told in zip(ranges, scans, strict=True):
-        row[: len(told.ranges)] = told.ranges
     arrays = {
         "scan_t": stamps_s,
-        "ranges": ranges,
+        "ranges": padded_ranges([told.ranges for told in scans]),
         "scan_angle_min": np.array([told.angle_min for told in scans], np.float64),
         "scan_angle_increment": np.array([_increment_rad(told) for told in scans], np.float64),
         "scan_beams": counts,

@@ -18,6 +18,7 @@ from drivers.wheels.layouts.choose import wheel_decoder
 from drivers.wheels.pair import WheelPair
 from runtime.errors import DataSetError
 from runtime.importers.archive import Archive
+from runtime.importers.parsing.beams import padded_ranges
 from runtime.importers.parsing.candump_lines import candump_line
 from runtime.importers.parsing.clock_steps import join_clock
 from runtime.importers.parsing.left_out import LeftOut
@@ -35,7 +36,6 @@ def load_scip(source: Path) -> Archive:
     """A capture of the laser's replies. Raises DataSetError where it cannot be read."""
     try:
         capture = read_capture(source)
-        content = source.read_bytes()
     except OSError as error:
         raise DataSetError(f"{source} cannot be read ({error.strerror}); check the path") from error
     left_out = LeftOut()
@@ -51,26 +51,22 @@ def load_scip(source: Path) -> Archive:
     meta = {"name": f"scip {source.name}"}
     if not capture.scans:
         left_out.warnings.append(f"{source.name} holds no scan: none of its {capture.messages} messages is one")
-        return Archive(meta["name"], source, {}, meta, left_out, raw=lambda: _laser_records(content, 0))
+        return Archive(meta["name"], source, {}, meta, left_out, raw=lambda: _laser_records(source, 0))
     first = capture.scans[0]
-    beams = max(len(scan.ranges_m) for scan in capture.scans)
-    ranges = np.full((len(capture.scans), beams), np.nan, np.float32)
-    for row, scan in zip(ranges, capture.scans, strict=True):
-        row[: len(scan.ranges_m)] = scan.ranges_m
     arrays: dict[str, NDArray[Any]] = {
         "scan_t": np.array([scan.stamp_ns for scan in capture.scans]) * 1e-9,
-        "ranges": ranges,
+        "ranges": padded_ranges([scan.ranges_m for scan in capture.scans]),
         "scan_angle_min": np.array([scan.bearings_rad[0] for scan in capture.scans]),
         "scan_angle_increment": np.array([np.diff(scan.bearings_rad[:2]).sum() for scan in capture.scans]),
         "scan_beams": np.array([len(scan.ranges_m) for scan in capture.scans]),
     }
     told: dict[str, Any] = {**meta, "range_max": first.range_max_m, "time_increment": first.beam_period_s}
-    return Archive(meta["name"], source, arrays, told, left_out, raw=lambda: _laser_records(content, first.stamp_ns))
+    return Archive(meta["name"], source, arrays, told, left_out, raw=lambda: _laser_records(source, first.stamp_ns))
 
 
-def _laser_records(content: bytes, start_ns: int) -> Iterator[Record]:
+def _laser_records(source: Path, start_ns: int) -> Iterator[Record]:
     """The bytes as /raw/laser, with stamps since the set's start."""
-    for stamp_ns, data in chunks(content):
+    for stamp_ns, data in chunks(source):
         yield encode_laser_bytes(LaserBytes(max(0, (stamp_ns or 0) - start_ns), False, data))
 
 

@@ -7,11 +7,13 @@ PARAM name value time host logger_time.
 """
 
 import math
+from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from runtime.errors import DataSetError
+from runtime.importers.parsing.beams import MOST_BEAMS
 
 HALF_TURN_RAD = math.pi
 TURN_RAD = 2.0 * math.pi
@@ -33,7 +35,7 @@ class LaserLine:
     where the line has none (RAWLASER1).
     """
 
-    ranges_m: list[float]
+    ranges_m: "array[float]"
     laser_pose: list[float]
     robot_pose: list[float]
     start_rad: float | None = None
@@ -62,7 +64,7 @@ def laser_line(words: list[str]) -> LaserLine:
         return _robot_laser_line(words)
     beams, rest = _beams(words, 1, 7)
     poses = _numbers(rest[:6])
-    return LaserLine([float(word) for word in words[2 : 2 + beams]], poses[:3], poses[3:])
+    return LaserLine(array("d", map(float, words[2 : 2 + beams])), poses[:3], poses[3:])
 
 
 def _robot_laser_line(words: list[str]) -> LaserLine:
@@ -76,7 +78,7 @@ def _robot_laser_line(words: list[str]) -> LaserLine:
     if remissions < 0 or len(rest) < 1 + remissions + (3 if is_raw else 7):
         raise ValueError("the line ends early")
     poses = [] if is_raw else _numbers(rest[1 + remissions : 7 + remissions])
-    ranges_m = [float(word) for word in words[9 : 9 + beams]]
+    ranges_m = array("d", map(float, words[9 : 9 + beams]))
     return LaserLine(ranges_m, poses[:3], poses[3:], start_rad, step_rad, range_max_m)
 
 
@@ -127,7 +129,7 @@ def mount_of(told: Mapping[str, float], source: object) -> dict[str, Any]:
 def _beams(words: list[str], place: int, least: int) -> tuple[int, list[str]]:
     """Number of beams, and the words behind them. Raises ValueError where there are none, or fewer words than least."""
     beams = int(words[place])
-    if beams < 1:
+    if not 1 <= beams <= MOST_BEAMS:
         raise ValueError(f"it has {beams} beams")
     rest = words[place + 1 + beams :]
     if len(rest) < least:

@@ -4,6 +4,10 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from runtime.printable import printable
+
+MOST_REASONS = 100
+LONGEST = 200  # characters of a reason
 MUCH = 0.01  # share from which on what is left out deserves a warning
 
 
@@ -23,6 +27,9 @@ class LeftOut:
 
     def add(self, what: str, reason: str, place: str = "", count: int = 1) -> None:
         """Count rows that are not used. place: file and line, or the array and its row."""
+        reason, place = printable(reason, LONGEST), printable(place, LONGEST)
+        if len(self.counts) >= MOST_REASONS and (what, reason) not in self.counts:
+            reason = "further reasons"  # a recording of others may have one of its own for each line
         if count > 0:
             self.counts[what, reason] += count
             self.first_places.setdefault((what, reason), place)

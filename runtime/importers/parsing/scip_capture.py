@@ -22,6 +22,7 @@ from drivers.settings.laser import LaserSettings
 
 RECORD = struct.Struct(">III")
 LARGEST_RECORD = 1 << 16
+MOST_REQUESTS = 16  # of which answers are decoded; a program asks for one or two
 COMMAND = re.compile(rb"(?:SCIP2\.0|[A-Z]{2}[0-9A-Za-z;._+@ ]{0,40})")
 DRIFT_MAX_PPM = 200.0
 URG = Parameters("URG-04LX", 20, 5600, 1024, 44, 725, 384, 600)
@@ -66,31 +67,35 @@ def is_scip(head: bytes) -> bool:
     return begun or (_begins_a_record(head, 0) and head[RECORD.size : RECORD.size + 1].isalpha())
 
 
-def chunks(content: bytes) -> Iterator[tuple[int | None, bytes]]:
-    """(arrival ns, bytes); None where the capture is nothing but the bytes."""
-    if not _begins_a_record(content, 0):
-        yield None, content
-        return
-    place = 0
-    while _begins_a_record(content, place):
-        seconds, microseconds, length = RECORD.unpack_from(content, place)
-        place += RECORD.size
-        yield seconds * 1_000_000_000 + microseconds * 1000, content[place : place + length]
-        place += length
+def chunks(source: Path) -> Iterator[tuple[int | None, bytes]]:
+    """(arrival ns, bytes); None where the capture is nothing but the bytes. Raises OSError."""
+    with source.open("rb") as stream:
+        head = stream.read(RECORD.size + 1)
+        if not _begins_a_record(head, 0):
+            stream.seek(0)
+            yield from ((None, block) for block in iter(lambda: stream.read(LARGEST_RECORD), b""))
+            return
+        while _begins_a_record(head, 0):
+            seconds, microseconds, length = RECORD.unpack_from(head)
+            yield seconds * 1_000_000_000 + microseconds * 1000, head[RECORD.size :] + stream.read(length - 1)
+            head = stream.read(RECORD.size + 1)
 
 
 def read_capture(path: Path) -> Capture:
     """All scans of a capture. Raises OSError."""
-    messages, torn = _messages(path.read_bytes())
-    capture = Capture(messages=len(messages), torn=torn, parameters=_described(messages))
+    capture = Capture(parameters=_described(path))
     settings, clock, events = LaserSettings(), LaserClock(DRIFT_MAX_PPM), EventLog("laser")
     assemblies: dict[ScanRequest, ScanAssembly] = {}
-    for message in messages:
+    for message in _messages(path, capture):
+        capture.messages += 1
         request = _request(message)
         if request is None:
             continue
         if capture.parameters is None:
             capture.parameters, capture.is_guessed = (URG if request.last_step <= URG.last_step else UTM), True
+        if request not in assemblies and len(assemblies) == MOST_REQUESTS:
+            events.count("refused")
+            continue
         if request not in assemblies:
             assemblies[request] = ScanAssembly(settings, capture.parameters, request, clock, events, {})
         try:
@@ -105,35 +110,33 @@ def read_capture(path: Path) -> Capture:
     return capture
 
 
-def _messages(content: bytes) -> tuple[list[RawMessage], int]:
-    """Whole messages with their arrival, and how many bytes are left; without arrivals those of the laser's clock."""
-    stream = MessageStream()
-    messages: list[RawMessage] = []
-    for stamp_ns, data in chunks(content):
-        messages += stream.feed(stamp_ns or 0, data)
-    if _begins_a_record(content, 0):
-        return messages, stream.pending_bytes
-    return _stamped_by_the_laser(messages), stream.pending_bytes
+def _messages(path: Path, capture: Capture) -> Iterator[RawMessage]:
+    """Whole messages with their arrival, without arrivals that of the laser's clock; says what is left at the end."""
+    stream, last_ms, total_ms = MessageStream(), -1, 0
+    for stamp_ns, data in chunks(path):
+        for message in stream.feed(stamp_ns or 0, data):
+            if stamp_ns is not None:
+                yield message
+                continue
+            if (counter_ms := _counter_ms(message)) is not None:
+                total_ms += (counter_ms - last_ms) % (1 << 24) if last_ms >= 0 else 0
+                last_ms = counter_ms
+            yield RawMessage(total_ms * 1_000_000, message.data)
+    capture.torn = stream.pending_bytes
 
 
-def _stamped_by_the_laser(messages: list[RawMessage]) -> list[RawMessage]:
-    stamped, last_ms, total_ms = [], -1, 0
-    for message in messages:
-        lines = message.data.split(LF, 3)
-        if _request(message) is not None and len(lines) > 2:
-            try:
-                counter_ms = parse_time(lines[2])
-            except ScipError:
-                counter_ms = last_ms
-            total_ms += (counter_ms - last_ms) % (1 << 24) if last_ms >= 0 else 0
-            last_ms = counter_ms
-        stamped.append(RawMessage(total_ms * 1_000_000, message.data))
-    return stamped
+def _counter_ms(message: RawMessage) -> int | None:
+    """The laser's clock in a scan."""
+    lines = message.data.split(LF, 3)
+    try:
+        return parse_time(lines[2]) if len(lines) > 2 and _request(message) is not None else None
+    except ScipError:
+        return None
 
 
-def _described(messages: list[RawMessage]) -> Parameters | None:
+def _described(path: Path) -> Parameters | None:
     """The laser's answer to PP, None where none was captured."""
-    for message in messages:
+    for message in _messages(path, Capture()):
         if message.data.startswith(b"PP"):
             try:
                 reply = parse_message(message.data)

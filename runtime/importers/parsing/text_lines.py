@@ -4,10 +4,11 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from runtime.importers.parsing.inflation import Inflation
+
 GZIP = b"\x1f\x8b"
 BLOCK_BYTES = 1 << 16
-MOST_INFLATED, FREE_BYTES = 50, 1 << 24  # logs pack to a tenth; gzip could do a thousandth. As much as this is free
-LINE_BYTES = 1 << 24  # a scan of 10000 beams has 100 kB; what is longer is no line of a log
+LINE_BYTES = 1 << 20  # a scan of 32768 beams has 300 kB; what is longer is no line of a log
 
 
 class TextLines:
@@ -42,18 +43,18 @@ class TextLines:
 
     def _inflated(self, blocks: Iterator[bytes]) -> Iterator[bytes]:
         """What comes out of one gzip member or several behind each other, up to where they are damaged."""
-        inflater, fresh, size = zlib.decompressobj(31), True, 0
+        inflater, fresh, inflation = zlib.decompressobj(31), True, Inflation(self.source.stat().st_size)
         for block in blocks:
             rest = block
             while rest.strip(b"\0") if fresh else rest:  # members may be padded by zeros
                 try:
                     inflated = inflater.decompress(rest, BLOCK_BYTES)
+                    inflation.take(len(inflated))
                 except zlib.error as error:
                     self.damage = f"the compressed data are damaged ({error})"
                     return
-                size += len(inflated)
-                if size > MOST_INFLATED * max(FREE_BYTES // MOST_INFLATED, self.source.stat().st_size):
-                    self.damage = f"the compressed data unpack to more than {MOST_INFLATED} times their size"
+                except ValueError as error:
+                    self.damage = str(error)
                     return
                 yield inflated
                 rest, fresh = inflater.unused_data if inflater.eof else inflater.unconsumed_tail, inflater.eof

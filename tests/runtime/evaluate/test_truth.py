@@ -23,7 +23,24 @@ def bomb() -> bytes:
     return stream.getvalue()
 
 
+def said(shape: tuple[int, ...], descr: str = "<f8", packing: int = zipfile.ZIP_DEFLATED, flags: int = 0) -> bytes:
+    """An archive of one array whose head says more than follows."""
+    head, stream = io.BytesIO(), io.BytesIO()
+    np.lib.format.write_array_header_1_0(head, {"descr": descr, "fortran_order": False, "shape": shape})
+    with zipfile.ZipFile(stream, "w", packing) as archive:
+        archive.writestr("poses.npy", head.getvalue() + bytes(64))
+    content = bytearray(stream.getvalue())
+    for begin, at in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
+        content[content.find(begin) + at] |= flags
+    return bytes(content)
+
+
 ATTACHED = {
+    "2**42 poses": said((1 << 40, 4)),
+    "2**80 poses": said((1 << 78, 4)),
+    "less than no poses": said((-1, 4)),
+    "poses packed by another program": said((2, 4), packing=zipfile.ZIP_LZMA),
+    "poses behind a password": said((2, 4), flags=1),
     "nothing": b"",
     "no archive": b"PK nonsense",
     "an archive that is cut off": packed(pose_kind="x", poses=np.zeros((3, 4)))[:-30],
