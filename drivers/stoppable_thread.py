@@ -86,7 +86,7 @@ class StoppableThread:
         return True
 
     def _log(self, what: str) -> None:
-        logging.getLogger(__name__).error("the thread %s failed and begins again: %s", self._thread.name, what)
+        logging.getLogger(__name__).error("the thread %s failed and is restarted: %s", self._thread.name, what)
 
 
 def told(error: BaseException) -> str:

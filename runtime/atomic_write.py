@@ -79,7 +79,7 @@ def acting_as_owner(folder: Path | int) -> Iterator[None]:
         libc.setfsgid(status.st_gid)
         libc.setfsuid(status.st_uid)  # of this thread alone, unlike seteuid
         if libc.setfsuid(-1) != status.st_uid:
-            why = f"root may not act as its owner, user {status.st_uid}; run the command as that user"
+            why = f"root may not act as the owner, user {status.st_uid}; run the command as that user"
             raise PermissionError(errno.EPERM, why, str(folder))
         yield
     finally:
@@ -124,7 +124,7 @@ def _sync_file(name: str, folder: int) -> None:
 def refuse_link(path: Path) -> None:
     """Raises OSError where a folder of ours is a link: what is written through it would land in somebody else's."""
     if path.is_symlink():
-        raise OSError(errno.ELOOP, "it is a link, which nothing is written through", str(path))
+        raise OSError(errno.ELOOP, "it is a link, and nothing is written through links", str(path))
 
 
 def sync_folder(folder: int) -> None:

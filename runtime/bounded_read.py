@@ -21,5 +21,5 @@ def read_bounded(path: Path, most_bytes: int, follow: bool = True) -> bytes:
         raise OSError(number, "not a regular file", str(path))
     with open(descriptor, "rb") as stream:
         if status.st_size > most_bytes or len(content := stream.read(most_bytes + 1)) > most_bytes:
-            raise OSError(errno.EFBIG, f"more than {most_bytes} bytes, which are allowed", str(path))
+            raise OSError(errno.EFBIG, f"more than the {most_bytes} bytes that are allowed", str(path))
     return content

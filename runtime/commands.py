@@ -55,8 +55,8 @@ def parse_prior(text: str) -> PosePrior:
         raise ValueError(f"{text}: expected X, Y and YAW within {FARTHEST_M:g}; give metres and radians of the map")
     if not (0.0 < sigma_m <= LARGEST_SIGMA_M and 0.0 < sigma_rad <= math.pi):
         raise ValueError(
-            f"{text}: expected SIGMA_M above 0 and at most {LARGEST_SIGMA_M:g}, SIGMA_RAD above 0 and at most "
-            f"{math.pi:.2f}; where less is known, no pose need be given"
+            f"{text}: expected SIGMA_M above 0 and at most {LARGEST_SIGMA_M:g}, SIGMA_RAD above 0 and at "
+            f"most {math.pi:.2f}; if less is known, give no pose"
         )
     return PosePrior(Pose2() @ Pose2(x_m, y_m, yaw_rad), sigma_m, sigma_rad)
 
@@ -87,7 +87,7 @@ class CommandQueue:
     def accept(self, command: Command, text: bytes) -> str:
         """Accept one command with its reason in UTF-8; returns why not, "" if it was accepted."""
         if len(text) > LONGEST_BYTES:
-            return f"expected a reason of 1 to {LONGEST_REASON} characters, got {len(text)} bytes; say what was seen"
+            return f"expected a reason of 1 to {LONGEST_REASON} characters, got {len(text)} bytes; say what you saw"
         reason = printable(text.decode("utf-8", errors="replace").strip(), LONGEST_BYTES)
         if command is Command.INITIAL_POSE:
             try:
@@ -97,9 +97,9 @@ class CommandQueue:
         elif self._stopped:
             return "the recording was stopped; only a new run records again"
         if len(reason) > LONGEST_REASON or (command is Command.MARK and not reason):
-            return f"expected a reason of 1 to {LONGEST_REASON} characters, got {len(reason)}; say what was seen"
+            return f"expected a reason of 1 to {LONGEST_REASON} characters, got {len(reason)}; say what you saw"
         if self._events.qsize() >= MOST_WAITING:
-            return f"{MOST_WAITING} commands wait for the next tick; ask again later"
+            return f"{MOST_WAITING} commands are waiting for the next tick; try again later"
         self._stopped = self._stopped or command is Command.STOP
         severity = Severity.WARN if command is Command.STOP else Severity.INFO
         self._events.put(Event(self._now_ns(), SOURCE, command.value, reason or "no reason given", severity))

@@ -146,13 +146,14 @@ def _recognised(stamp_ns: int, found: Recognition | None) -> tuple[Event, ...]:
     if found is None:
         return ()
     if found.is_new:
-        text = f"lost on new ground: map {found.map_id} begins here, the others are kept and looked for"
+        text = f"lost in unknown surroundings: map {found.map_id} begins here; the earlier ones are kept and searched"
         return (Event(stamp_ns, "pose", "new map", text, Severity.WARN),)
     joined = f", which map {found.joined} has become part of" if found.joined else ""
     text = (
-        f"recognised in map {found.map_id}{joined}: by {found.matches} landmarks, odds {found.odds:.0f} (the mirror's "
-        f"{found.mirror_odds:.0f}), wrong with a probability of {found.probability_wrong:.1g}; the pose moved "
-        f"{found.moved_m:.1f} m and {math.degrees(found.turned_rad):.0f} deg"
+        f"recognised in map {found.map_id}{joined}: by {found.matches} landmarks, odds {found.odds:.0f} "
+        f"(mirror image {found.mirror_odds:.0f}), wrong with a probability of "
+        f"{found.probability_wrong:.1g}; the pose moved {found.moved_m:.1f} m and "
+        f"{math.degrees(found.turned_rad):.0f} deg"
     )
     return (Event(stamp_ns, "pose", "recognised", text),)
 

@@ -23,4 +23,6 @@ def needs(package: str, what: str) -> Iterator[None]:
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] != package:
             raise
-        raise UsageError(f"{what} needs the package {package}, which is not here: {HOW_TO_INSTALL[package]}") from error
+        raise UsageError(
+            f"{what} needs the package {package}, which is not installed: {HOW_TO_INSTALL[package]}"
+        ) from error

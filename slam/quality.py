@@ -167,7 +167,7 @@ class QualityMonitor:
             return Judgement(Quality.LOST, "the covariance is not finite")
         blind_s, deviation_m, gap_s = self._blind_s(stamp_ns), largest_deviation_m(covariance), self._usual_gap_s
         against = f"landmarks are not where they should be: found {evidence.found}, missed {evidence.missed}"
-        blind = f"nothing of the map is seen: for {blind_s:.1f} s"
+        blind = f"nothing on the map is seen: for {blind_s:.1f} s"
         wide = f"the position is not known well enough: sigma {deviation_m:.1f} m"
         if self._lost:
             return Judgement(Quality.LOST, against)
@@ -178,7 +178,7 @@ class QualityMonitor:
         if self._score >= 0.5 * settings.lost_score:
             return Judgement(Quality.UNCERTAIN, against)
         if self._scans == 0:
-            return Judgement(Quality.UNCERTAIN, "no scan has come yet")
+            return Judgement(Quality.UNCERTAIN, "no scan has arrived yet")
         if blind_s > max(settings.uncertain_blind_s, UNCERTAIN_GAPS * gap_s):
             return Judgement(Quality.UNCERTAIN, blind)
         if deviation_m > UNCERTAIN_M:

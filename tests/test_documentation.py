@@ -28,7 +28,7 @@ from runtime.source_tree import ROOT
 from tests.support.zenoh.wire import free_port, listening, publishing, put_ticks, settings_on, until
 
 DOCS = ROOT / "docs"
-FENCED = re.compile(r"(<!-- not run: [^\n]+ -->\n)?^```(\{?\w*\}?)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+FENCED = re.compile(r"(<!-- not run: [^\n]+ -->\n)?^```(\{?\w*\}?)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"(?<!\!)\[[^\]]+\]\(([^)\s]+)\)|!\[[^\]]*\]\(([^)\s]+)\)")
 JOURNEY = ("journeys/engineer.md", "journeys/reviewer.md", "journeys/ci.md", "maps.md", "ros2.md", "fleet.md")
 RUN_S = 900.0  # for one command on a machine that does much else
@@ -261,6 +261,24 @@ def test_the_keys_of_the_reference_are_those_that_a_rover_says_with_these_encodi
     wanted = {f"infant/r1/{key.name}": key.encoding for key in PUBLISHED if key.name != "health"}  # no monitor here
     assert {key: said[key] for key in said if not key.endswith("/health")} == wanted
     assert {key.name for key in ASKED} == {"pose", "status", "map", "path", "tf_static", "configuration"}
+
+
+def test_the_example_reads_the_pose_of_a_rover() -> None:
+    port = free_port()
+    command = [sys.executable, str(DOCS / "examples" / "read_pose.py"), f"tcp/127.0.0.1:{port}"]
+    with publishing(settings_on(port)) as publisher:
+        reader = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        beats = count()
+
+        def has_ended() -> bool:
+            put_ticks(publisher, range(seq := next(beats), seq + 1), 0.05)
+            return reader.poll() is not None
+
+        assert until(has_ended)
+        printed = reader.communicate()[0].splitlines()
+    assert reader.returncode == 0
+    assert [line.split()[0] for line in printed] == ["infant/r1/pose"] * 3
+    assert all(len([float(word) for word in line.split()[1:]]) == 4 for line in printed)
 
 
 def test_the_map_has_every_folder_with_the_question_that_its_door_asks() -> None:

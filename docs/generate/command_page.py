@@ -26,13 +26,19 @@ def command_page() -> str:
 
 def helps() -> Iterator[tuple[str, str]]:
     """Name and help of every command, groups before their members."""
-    yield from _walk("infant", typer.main.get_command(app), None)
+    for name, command, context in _walk("infant", typer.main.get_command(app), None):
+        yield name, command.get_help(context)
 
 
-def _walk(name: str, command: Any, parent: Any) -> Iterator[tuple[str, str]]:
+def commands() -> Iterator[tuple[str, Any]]:
+    """Name and click's object of every command, in the same order."""
+    yield from ((name, command) for name, command, _ in _walk("infant", typer.main.get_command(app), None))
+
+
+def _walk(name: str, command: Any, parent: Any) -> Iterator[tuple[str, Any, Any]]:
     """typer brings a click of its own, so that its types have no name here."""
     context = command.context_class(command, info_name=name.split()[-1], parent=parent, terminal_width=WIDTH)
-    yield name, command.get_help(context)
+    yield name, command, context
     for inner, member in getattr(command, "commands", {}).items():
         yield from _walk(f"{name} {inner}", member, context)
 

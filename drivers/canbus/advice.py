@@ -10,7 +10,7 @@ from drivers.settings.can import BusSettings
 
 NO_CAN_IN_KERNEL = (errno.EAFNOSUPPORT, errno.EPROTONOSUPPORT)
 ABSENT = (errno.ENODEV, errno.ENXIO, errno.ENOENT)
-VENDOR = "install the vendor's driver for this system, or take an adapter that the kernel knows (socketcan)"
+VENDOR = "install the vendor's driver for this system, or use an adapter that the kernel supports (socketcan)"
 MISSING_ARGUMENTS = re.compile(r"missing \d+ required .*arguments?: (.*)")
 FORBIDDEN = (errno.EPERM, errno.EACCES)
 
@@ -62,8 +62,8 @@ def bitrate_advice(bus: BusSettings) -> str:
     else:
         change = "set bitrate in [encoders.bus] to that of the nodes"
     return (
-        f"CAN bus {bus.interface} {bus.channel}: only errors and no good frame: wrong bit rate (expected {bus.bitrate} "
-        f"bit/s), or no other node acknowledges; {change}"
+        f"CAN bus {bus.interface} {bus.channel}: only errors and no valid frame: wrong bit rate (expected "
+        f"{bus.bitrate} bit/s), or no other node acknowledges; {change}"
     )
 
 
@@ -84,11 +84,11 @@ def _install_advice(interface: str) -> str:
 
 def _create_advice(bus: BusSettings) -> str:
     if bus.interface != "socketcan":
-        return f"plug the adapter in, or set channel in [encoders.bus]; devices: ls {_folder(bus.channel)}"
+        return f"plug in the adapter, or set channel in [encoders.bus]; devices: ls {_folder(bus.channel)}"
     if bus.channel.startswith("vcan"):
-        return f"make it with: sudo ip link add {bus.channel} type vcan && sudo ip link set {bus.channel} up"
+        return f"create it with: sudo ip link add {bus.channel} type vcan && sudo ip link set {bus.channel} up"
     options = f"type can bitrate {bus.bitrate} restart-ms 100"
-    return f"plug the adapter in and type: sudo ip link set {bus.channel} up {options}"
+    return f"plug in the adapter and type: sudo ip link set {bus.channel} up {options}"
 
 
 def _permission_advice(bus: BusSettings) -> str:

@@ -123,8 +123,8 @@ class NotAFrameError(ProtocolError):
     def __init__(self, settings: BusSettings, error: BaseException) -> None:
         what = " ".join(f"{type(error).__name__}: {error}".split())[:100]
         super().__init__(
-            f"CAN bus {settings.interface} {settings.channel}: something that is no frame arrived and is passed over "
-            f"({what}); find the program that sends it"
+            f"CAN bus {settings.interface} {settings.channel}: something that is not a frame arrived and "
+            f"was ignored ({what}); find the program that sends it"
         )
 
 

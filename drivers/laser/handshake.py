@@ -68,7 +68,9 @@ def enter_standby(client: ScipClient, settings: LaserSettings, attempts: int, dr
         if reply is not None and is_fault(reply.status):
             raise LaserFaultError(f"the laser reports a malfunction (status {reply.status}); it needs a reboot")
     if client.received_bytes == before:
-        raise NoAnswerError(f"{settings.url} is open but silent; check that it is the laser, its power and baud rate")
+        raise NoAnswerError(
+            f"{settings.url} is open but silent; check that it is the laser, and its power and baud rate"
+        )
     first = client.last_bytes[:16]
     raise NotScipError(f"{settings.url} answers with {first!r}, which is not SCIP; check port and baud rate")
 
@@ -118,7 +120,7 @@ def _key_values(client: ScipClient, command: bytes, settings: LaserSettings) -> 
             if reply == before:  # noise is never twice the same: this firmware says it so
                 return parse_key_values(reply, is_lenient=True)
             before = reply
-    raise NoAnswerError(f"{settings.url} does not answer {command.decode()} in a form that can be read")
+    raise NoAnswerError(f"{settings.url} gives no readable answer to {command.decode()}")
 
 
 def _optional(client: ScipClient, command: bytes) -> dict[str, str]:

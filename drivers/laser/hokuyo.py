@@ -218,7 +218,7 @@ class Hokuyo:
             if self._last_scan_ns is None or self._last_scan_ns < began_ns:
                 if device.complaint:
                     raise LaserFaultError(f"the laser reports {device.complaint!r} and sends no scan; {REBOOT}")
-                raise LinkError("the laser sends no scan that can be used, even when asked again")
+                raise LinkError("the laser sends no usable scan, even when asked again")
             self._events.count("stream_restarts")
             enter_standby(client, self._settings, attempts=1, drain_first=False)
 
@@ -284,11 +284,11 @@ class Hokuyo:
         model = device.parameters.model
         product = device.version.get("PROD", "")
         if not any(known in model or known in product for known in KNOWN_MODELS):
-            text = f"laser model {model!r} is not known; working from what it says of itself"
+            text = f"laser model {model!r} is unknown; using what it reports about itself"
             self._advise_once("unknown_model", text, Severity.WARN)
         firmware = device.version.get("FIRM", "unknown")
         if device.complaint:
-            text = f"the laser reports {device.complaint!r}; used for as long as it measures; see its manual"
+            text = f"the laser reports {device.complaint!r}; it is used as long as it measures; see its manual"
             self._advise_once("complaint", text, Severity.WARN)
         self._events.add(self._now_ns(), "connections", f"laser {model}, firmware {firmware}, found", Severity.INFO)
         self._events.trouble = ""

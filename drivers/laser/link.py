@@ -70,7 +70,7 @@ class TcpLink:
             self._socket.settimeout(WRITE_TIMEOUT_S)
             self._socket.sendall(data)
         except OSError as error:
-            raise LinkError(f"the connection to {self._name} takes no data ({error.strerror or error})") from error
+            raise LinkError(f"the connection to {self._name} accepts no data ({error.strerror or error})") from error
 
     def close(self) -> None:
         """See ByteLink."""
@@ -102,7 +102,7 @@ class SerialLink:
         except BlockingIOError:
             return b""
         except (OSError, serial.SerialException) as error:
-            raise LinkError(f"device file {self._path} broke ({error})") from error
+            raise LinkError(f"device file {self._path} failed ({error})") from error
         if not data:
             raise LinkError(f"device file {self._path} hung up; was the cable pulled?")
         return data
@@ -112,7 +112,7 @@ class SerialLink:
         try:
             self._port.write(data)
         except (OSError, serial.SerialException) as error:
-            raise LinkError(f"device file {self._path} takes no data ({error})") from error
+            raise LinkError(f"device file {self._path} accepts no data ({error})") from error
 
     def close(self) -> None:
         """See ByteLink."""

@@ -24,15 +24,16 @@ def scan_request(settings: LaserSettings, parameters: Parameters) -> tuple[ScanR
         warnings["angles"] = (
             f"laser.angle_min_deg = {settings.angle_min_deg}, angle_max_deg = {settings.angle_max_deg}: "
             f"{parameters.model} sees from {lowest:.1f} to {highest:.1f}; "
-            f"{'none of these are asked for, so all are used' if is_outside else 'only these are used'}"
+            f"{'this range holds no beam, so all are used' if is_outside else 'only the beams within both are used'}"
         )
     clamped_first, clamped_last = (first, last) if is_outside else (max(first, wanted_first), min(last, wanted_last))
     interval = max(0, min(LONGEST_INTERVAL, round(1.0 / (parameters.period_s * settings.rate_hz)) - 1))
     rate_hz = 1.0 / (parameters.period_s * (interval + 1))
     if abs(rate_hz / settings.rate_hz - 1.0) > RATE_TOLERANCE:
         warnings["rate"] = (
-            f"laser.rate_hz = {settings.rate_hz:g}: {parameters.model} turns {1.0 / parameters.period_s:g} times a "
-            f"second and can leave out whole scans, at most {LONGEST_INTERVAL} in a row; {rate_hz:.1f} a second come"
+            f"laser.rate_hz = {settings.rate_hz:g}: {parameters.model} turns {1.0 / parameters.period_s:g} "
+            f"times a second and can skip at most {LONGEST_INTERVAL} scans in a row; it sends {rate_hz:.1f} "
+            "a second"
         )
     return ScanRequest(settings.command, clamped_first, clamped_last, settings.cluster, interval), warnings
 

@@ -133,11 +133,11 @@ class ScanAssembly:
     def _assemble(self, arrival_ns: int, data: ScanData) -> Scan | None:
         reading = self._clock.observe(data.counter_ms, arrival_ns, self._nominal_delay_ns, data.time.fraction_us)
         if reading is CounterStatus.STALE:
-            self._events.add(arrival_ns, "stale_stamp", "scan dropped: its stamp is the one before's")
+            self._events.add(arrival_ns, "stale_stamp", "scan dropped: it has the same stamp as the one before")
             return None
         if reading is CounterStatus.RESTARTED:
             self.clock_restarted = True
-            self._events.add(arrival_ns, "clock_restarts", "the laser's clock started again from zero")
+            self._events.add(arrival_ns, "clock_restarts", "the laser's clock restarted from zero")
         if self._is_frozen(arrival_ns, data.codes):
             return None
         lateness_ns = self._clock.lateness_ns(arrival_ns)
@@ -146,7 +146,10 @@ class ScanAssembly:
             self._events.add(arrival_ns, "late_scans", text)
         stamp_ns = self._clock.stamp_ns() + self._first_beam_ns
         if stamp_ns > arrival_ns + FUTURE_NS:
-            text = "a stamp lies in the future: stamped by arrival; the laser's clock or laser.stamp_reference is wrong"
+            text = (
+                "a stamp lies in the future, so the time of arrival is used; the laser's clock or "
+                "laser.stamp_reference is wrong"
+            )
             self._events.add(arrival_ns, "future_stamps", text)
             stamp_ns = round(arrival_ns - self._nominal_delay_ns) + self._first_beam_ns
             stamp_ns = min(stamp_ns, arrival_ns)

@@ -17,10 +17,10 @@ SECOND_TRY_NS = 15_000_000_000  # a laser that refuses TM while it boots has boo
 ASKED_EVERY_NS = 180_000_000_000  # at most so often
 MISFITS = 2  # answers in a row that fit no scan
 EARLY_NS = 3_000_000  # of a delay: what its estimate may be off by
-NO_CLOCK = "the laser does not tell its clock (TM); stamps rest on the delay that its model should have"
+NO_CLOCK = "the laser does not report its clock (TM); stamps rely on the typical delay of its model"
 OTHER_CLOCK = (
-    "the clock that the laser tells (TM) is not that of its scans; it is asked no more, and stamps rest on the delay "
-    "that its model should have"
+    "the clock that the laser reports (TM) is not that of its scans; it is no longer used, and stamps rely "
+    "on the typical delay of the model"
 )
 IMPOSSIBLE = (
     "scans arrive {0:.1f} ms after their stamp, but a sweep takes {1:.1f} ms: the laser's clock (TM) is off, or "
@@ -79,7 +79,7 @@ class TimeAdjustment:
             if not answers:
                 self._advise("no_time_sync", NO_CLOCK, Severity.INFO)
         if self._clock.synchronise(answers, nominal_delay_ns) is CounterStatus.RESTARTED:
-            self._events.add(self._now_ns(), "clock_restarts", "the laser's clock started again from zero")
+            self._events.add(self._now_ns(), "clock_restarts", "the laser's clock restarted from zero")
 
     def is_due(self) -> bool:
         """Whether to ask again is worth the scan or two that it costs."""

@@ -99,9 +99,9 @@ def summed(characters: bytes) -> bytes:
 def unsummed(line: bytes) -> bytes:
     """The line without its sum. Raises ChecksumError, FramingError for an empty line."""
     if len(line) < 2:
-        raise FramingError(f"line {line!r} is too short to hold a sum")
+        raise FramingError(f"line {line!r} is too short to hold a checksum")
     if line[-1] != checksum(line[:-1]):
-        raise ChecksumError(f"line {line[:20]!r} has the sum {line[-1:]!r}, expected {chr(checksum(line[:-1]))!r}")
+        raise ChecksumError(f"line {line[:20]!r} has the checksum {line[-1:]!r}, expected {chr(checksum(line[:-1]))!r}")
     return line[:-1]
 
 
@@ -118,7 +118,7 @@ def decode_number(characters: bytes) -> int:
     for character in characters:
         digit = character - FIRST_CHARACTER
         if not 0 <= digit <= 0x3F:
-            raise FramingError(f"{characters[:8]!r} is no encoded number")
+            raise FramingError(f"{characters[:8]!r} is not an encoded number")
         value = value << 6 | digit
     return value
 
@@ -147,7 +147,9 @@ def parse_message(raw: bytes) -> Message:
     if len(status) == 1:
         return Message(echo, status.decode("ascii"), tuple(body), legacy=True)
     if len(status) != 3:
-        raise FramingError(f"message {raw[:24]!r} has the status {status[:8]!r}, expected two characters and a sum")
+        raise FramingError(
+            f"message {raw[:24]!r} has the status {status[:8]!r}, expected two characters and a checksum"
+        )
     return Message(echo, unsummed(status).decode("ascii"), tuple(body))
 
 
@@ -173,10 +175,10 @@ def parse_key_values(message: Message, is_lenient: bool = False) -> dict[str, st
         text, mark, total = line[:-2], line[-2:-1], line[-1:]
         is_sound = mark == b";" and b":" in text and text.isascii()
         if not is_sound and not is_lenient:
-            raise FramingError(f"line {line[:40]!r} of {message.echo[:8]!r} is not of the form KEY:value;sum")
+            raise FramingError(f"line {line[:40]!r} of {message.echo[:8]!r} is not of the form KEY:value;checksum")
         candidates = (text, text + b";", text.split(b"<-")[0])
         if not is_lenient and total[0] not in {checksum(candidate) for candidate in candidates}:
-            raise ChecksumError(f"line {line[:40]!r} of {message.echo[:8]!r} has a wrong sum")
+            raise ChecksumError(f"line {line[:40]!r} of {message.echo[:8]!r} has a wrong checksum")
         key, colon, value = text.decode("latin-1").partition(":")
         if colon:
             values[_printable(key)] = _printable(value)

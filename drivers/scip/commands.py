@@ -81,7 +81,7 @@ def parse_scan_request(line: bytes) -> ScanRequest:
     text, mark, string = line.decode("ascii", "replace").partition(";")
     command, parameters = text[:2], text[2:]
     if command not in STREAM_COMMANDS + SINGLE_COMMANDS:
-        raise FramingError(f"{line[:16]!r} is no request for scans")
+        raise FramingError(f"{line[:16]!r} is not a request for scans")
     check_string(command, mark + string)
     wanted = STREAM_PARAMETERS if command in STREAM_COMMANDS else SINGLE_PARAMETERS
     if len(parameters) != wanted:

@@ -155,7 +155,7 @@ class ScanDecoder:
         further, odd = np.divmod(marks - np.arange(marks.size), self._width)
         is_outside = marks.size and (further[0] == 0 or further[-1] >= len(values))
         if is_outside or odd.any() or (np.diff(further) == 0).any():
-            raise FramingError("echo marks stand inside of numbers or without a number")
+            raise FramingError("echo marks are inside numbers or without a number")
         is_first = np.ones(len(values), bool)
         is_first[further] = False
         starts = np.flatnonzero(is_first)
@@ -182,7 +182,7 @@ def _numbers(characters: ByteArray, request: ScanRequest, width: int) -> CodeArr
         raise FramingError(f"{characters.size} characters of data cannot be numbers of {width}")
     digits = characters - np.uint8(FIRST_CHARACTER)  # wraps below '0', which the next line catches
     if digits.size and digits.max() > 0x3F:
-        raise FramingError("data holds a character that is no digit of the code")
+        raise FramingError("data holds a character that is not a digit of the encoding")
     columns = digits.reshape(-1, width).astype(np.int32)
     if request.range_characters == 2:
         return (columns[:, :1] << 6) | columns[:, 1:2]

@@ -21,20 +21,20 @@ class WheelSettings(BaseModel):
 
     sign: Literal[1, -1] = Field(
         default=1,
-        description="-1 where the counter falls while the rover drives forward. Push it forward and look: `infant "
-        "check` shows both counts",
+        description="-1 if the counter falls while the rover drives forward. Push the rover forward and look: "
+        "`infant check --live` shows both counts",
     )
     modulus: int = Field(
         default=0,
         ge=0,
         le=2**63,
-        description="where the counter wraps (65536, 9000, object 6002h); 0: as wide as its signal. Set it for a "
-        "counter that starts anew with each turn; data sheet",
+        description="Where the counter wraps (65536, 9000, object 6002h); 0 if it uses the whole width of its "
+        "signal. Set it, from the data sheet, for a counter that starts again with each turn",
     )
 
 
 class EncoderSettings(BaseModel):
-    """How the wheels are read; their geometry stands in [vehicle]."""
+    """How the wheels are read; their geometry is in [vehicle]."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -47,15 +47,16 @@ class EncoderSettings(BaseModel):
         default=20.0,
         ge=1.0,
         le=1000.0,
-        description="time between two frames of one wheel. What the node is set to; a node that reports another is "
-        "named",
+        description="Time between two frames of one wheel. Take what the node is set to; a node that reports "
+        "another period is named in the review",
     )
     speed_tolerance_m: float = Field(
         default=0.008,
         ge=0.0,
         le=10.0,
-        description="m by which counts and speed signal may drift apart over half a second; below 1 cm, so that a "
-        "stuck counter never turns the rover. 0 for devices that filter their speed: not compared",
+        description="How far counts and speed signal may drift apart in half a second. Keep it below 1 cm, so that "
+        "a stuck counter never turns the rover; 0 turns the comparison off, for devices that filter "
+        "their speed",
     )
 
     @property

@@ -10,70 +10,78 @@ BAUDS = (115200, 19200, 57600, 38400, 250000, 500000, 750000)
 
 
 class LaserSettings(BaseModel):
-    """Where the laser is, and what is asked of it. Everything about the model comes from the sensor itself."""
+    """Where the laser is connected, and what it is asked for.
+
+    Everything about the model comes from the sensor itself.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     url: str = Field(
         "tcp://192.168.0.10:10940",
-        description="tcp://HOST:PORT or serial:///dev/NAME, optionally with ?baud=N for the rate to run at. The "
-        "default is the sensors' address when they leave the factory; change it where the sensor has another",
+        description="tcp://HOST:PORT or serial:///dev/NAME, optionally with ?baud=N for the baud rate to use. The "
+        "default is the factory address of the Ethernet models; `infant setup` finds the laser",
     )
     rate_hz: float = Field(
         10.0,
         ge=0.1,
         le=50.0,
-        description="scans per second; a faster sensor is asked to leave scans out. Lower it, with loop.rate_hz, "
-        "on a slow computer; `infant check` warns of a rate that the sensor cannot give",
+        description="Scans per second; a faster sensor is asked to skip some. Lower it, together with "
+        "loop.rate_hz, on a slow computer; `infant check` warns of a rate that the sensor cannot "
+        "deliver",
     )
     command: Literal["MD", "MS", "ME", "ND", "NE"] = Field(
         "MD",
-        description="MD ranges, MS short ranges (4 m), ME with intensity, ND and NE with several echoes. Change it "
+        description="MD: ranges; MS: short ranges (4 m); ME: with intensity; ND and NE: several echoes. Change it "
         "to choose an echo: behind rain and glass the last one counts. Intensities are not recorded",
     )
     echo: Literal["first", "strongest", "last"] = Field(
         "first",
-        description="which of several echoes is kept; last needs ND or NE, strongest NE. Change it in rain, dust "
-        "or behind glass",
+        description="Which of several echoes is kept; last needs ND or NE, strongest needs NE. Change it in rain, "
+        "in dust or behind glass",
     )
     cluster: int = Field(
         1,
         ge=1,
         le=99,
-        description="steps joined to one value, the smallest of them. Raise it where the link or the computer is "
-        "too slow for every beam",
+        description="Number of neighbouring steps merged into one value, their smallest. Raise it if the link or "
+        "the computer is too slow for every beam",
     )
     angle_min_deg: float | None = Field(
         None,
         ge=-180.0,
         le=180.0,
-        description="first bearing, counter-clockwise from the front; absent: all there are. Set it where the "
-        "laser sees the vehicle itself",
+        description="First bearing, counter-clockwise from the front; absent: all beams. Set it if the laser sees "
+        "the vehicle itself",
     )
     angle_max_deg: float | None = Field(
-        None, ge=-180.0, le=180.0, description="last bearing; absent: all there are. Set it as angle_min_deg"
+        None,
+        ge=-180.0,
+        le=180.0,
+        description="Last bearing; absent: all beams. Set it if the laser sees the vehicle itself",
     )
     stamp_reference: Literal["step_zero", "behind"] = Field(
         "step_zero",
-        description="what the device's stamp belongs to: its step 0 (SCIP 2.0 specification; default of every "
-        "model, measured on none that is not simulated) or the direction straight behind. Change it where `infant "
-        "calibrate` finds a latency of half a turn",
+        description="What the device's time stamp refers to: its step 0 (SCIP 2.0 specification; the default for "
+        "every model, measured only on simulated ones) or the direction straight behind. Change it if "
+        "`infant calibrate` finds a latency of half a turn",
     )
     stamp_offset_s: float = Field(
         0.0,
         ge=-1.0,
         le=1.0,
-        description="s, added to every stamp. For a firmware whose clock is known to be off: `infant calibrate` "
+        description="Time added to every stamp, for firmware whose clock is known to be off. `infant calibrate` "
         "finds it",
     )
     time_sync: bool = Field(
         True,
-        description="ask for the device's clock (TM) before streaming. Off for firmware whose TM is broken: "
-        "`infant check` then names a laser that does not start",
+        description="Ask for the device's clock (TM) before streaming. Turn it off if TM is broken in the "
+        "firmware: `infant check --live` then reports a laser that does not start",
     )
     reboot_on_fault: bool = Field(
         True,
-        description="reboot the sensor (RB) when it reports a malfunction. Off where someone shall look at it first",
+        description="Reboot the sensor (RB) when it reports a malfunction. Turn it off if somebody should look at "
+        "the sensor first",
     )
 
     @field_validator("url")

@@ -43,7 +43,10 @@ INFANT_RIGHT = WheelSignals(
 
 
 class DbcLayout(BaseModel):
-    """Frames described by a DBC file; the default is the rover's own. Own frames: write a DBC and name its signals."""
+    """Frames described by a DBC file; the default is that of Infant's own nodes.
+
+    For other frames, name a DBC and its signals.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -51,8 +54,8 @@ class DbcLayout(BaseModel):
     file: str | None = Field(
         default=None,
         min_length=1,
-        description="path of the DBC; a relative one is sought beside the configuration, then in the program's "
-        "config/. Absent: the rover's own",
+        description="Path of the DBC, relative to the configuration, else in the config/ folder of the program; "
+        "absent: Infant's own. Ask the maker of the wheels for it",
     )
     left: WheelSignals = INFANT_LEFT
     right: WheelSignals = INFANT_RIGHT
@@ -81,25 +84,27 @@ class PresetLayout(NodeAddresses):
 
     kind: Literal["preset"]
     name: Literal["odrive", "odrive_counts", "vesc", "cia402"] = Field(
-        description="which controller, by its maker's name; odrive_counts where its encoder_count_rate_ms is set"
+        description="Which controller, by its maker's name; odrive_counts if its encoder_count_rate_ms is set. "
+        "`infant setup` recognises it"
     )
 
 
 class Cia406Layout(NodeAddresses):
-    """CANopen encoders after CiA 406: process data as mapped in the device's EDS, heartbeat, emergency."""
+    """CANopen encoders according to CiA 406: process data as mapped in the device's EDS, heartbeat, emergency."""
 
     kind: Literal["cia406"]
     file: str | None = Field(
         default=None,
         min_length=1,
-        description="EDS of the encoder, from its maker; sought as a DBC is. Absent: a plain encoder of that profile",
+        description="EDS of the encoder, from its maker; the path works like that of a DBC. Absent: a plain "
+        "encoder of that profile",
     )
     tpdo: int = Field(
         default=1,
         ge=1,
         le=4,
-        description="which process data object carries the position 6004h: the EDS says so, and `infant check` when it "
-        "does not",
+        description="Number of the process data object that carries the position (6004h). The EDS says it; `infant "
+        "check` reports a wrong one",
     )
 
 

@@ -52,24 +52,25 @@ class SimulatedLaserSettings(BaseModel):
 
     model: LaserModel = Field(
         "UTM-X001S",
-        description="profile of the simulated sensor; the default is that of the rover. Change it to try a model "
+        description="Model of the simulated laser; the default is that of the rover. Change it to try a model "
         "before buying it",
     )
     speed_rpm: int | None = Field(None, ge=60, le=6000, description="turns a minute (SCAN); absent: as the profile")
     host: str = Field(
         "127.0.0.1",
-        description="address to listen at; `infant sim --listen` sets it",
+        description="Address at which it listens. Give another to reach it from other machines; `infant sim "
+        "--listen` does the same",
     )
     port: int = Field(
         0,
         ge=0,
         le=65535,
-        description="TCP port; 0: any that is free. A fixed one for a client that is told where to look",
+        description="TCP port; 0 takes any free one. Fix it for a client that must be told where to connect",
     )
     pty: str | None = Field(
         None,
-        description="path of a link to a pseudo-terminal that is served as well, for a client on a serial line; "
-        "`infant sim --pty` sets it",
+        description="Path of a link to a pseudo-terminal that is served too. Set it for a client on a serial line; "
+        "`infant sim --pty` does the same",
     )
     skew_ppm: float = Field(
         20.0, ge=-2000.0, le=2000.0, description="ppm by which the device's clock is faster; a crystal's"
@@ -79,6 +80,6 @@ class SimulatedLaserSettings(BaseModel):
     )
     boot_s: float = Field(0.4, ge=0.0, le=60.0, description="s from power-on until it listens; real ones take over 2 s")
     reboot_disconnect_s: float = Field(0.2, ge=0.0, le=5.0, description="s from RB until the link drops; real ones 1 s")
-    pace: float = Field(1.0, ge=0.1, le=100.0, description="how many times faster than life it turns; for tests")
+    pace: float = Field(1.0, ge=0.1, le=100.0, description="how many times faster than real time it turns; for tests")
     seed: int = Field(1, ge=0, description="for faults that strike at random")
     faults: tuple[LaserFault, ...] = Field((), description="faults that come by themselves")

@@ -59,7 +59,7 @@ class WheelFault(BaseModel):
 
 
 class SimulatedWheelSettings(BaseModel):
-    """Two encoder nodes on one bus, which speak the layout of [encoders.layout]."""
+    """Two encoder nodes on one bus that use the layout of [encoders.layout]."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -73,8 +73,8 @@ class SimulatedWheelSettings(BaseModel):
         default=0.01,
         ge=0.0,
         le=0.5,
-        description="standard deviation in m of what slip adds over 1 m; grows with the root of the way. 0 where "
-        "every count shall be accounted for",
+        description="Standard deviation that slip adds per square root of metre driven. Set 0 if every count must "
+        "be accounted for",
     )
     start_count: int = Field(
         default=0xFFFFFF00,

@@ -42,7 +42,7 @@ class LaserGeometrySettings(BaseModel):
         default=0.2,
         ge=0.0,
         le=1.0,
-        description="share of beams beside a range jump that return something between both",
+        description="share of beams next to a range jump that return something between both",
     )
     body_from_laser: tuple[float, float, float] = Field(
         default=(0.3, 0.0, 0.0), description="mount: x m, y m, heading rad of the laser in the body's frame"
@@ -61,7 +61,7 @@ class LaserGeometrySettings(BaseModel):
 
 
 class DriveSettings(BaseModel):
-    """Course and speed of the rover."""
+    """Course and speed of the simulated rover."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -69,7 +69,8 @@ class DriveSettings(BaseModel):
         default=0.5,
         ge=0.0,
         le=1.95,
-        description="cruising speed, m/s; 7 km/h is the rover's limit. Change it to see slower or faster drives",
+        description="Cruising speed; 7 km/h is the limit of the paper's rover. Change it to see slower or faster "
+        "drives",
     )
     rest_s: float = Field(
         default=2.0,
@@ -110,7 +111,7 @@ class KidnapSettings(BaseModel):
 
 
 class WorldSettings(BaseModel):
-    """A place, drawn from a seed: everything in it is a function of these settings and of time."""
+    """A place drawn from a seed: everything in it depends only on these settings and on time."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -118,7 +119,7 @@ class WorldSettings(BaseModel):
         default=1,
         ge=0,
         le=2**32 - 1,
-        description="draws places, sizes, walks and measurement noise. Change it for another park",
+        description="Seed of places, sizes, walks and measurement noise. Change it for another park",
     )
     place: Place = Field(
         default="park",
@@ -135,8 +136,8 @@ class WorldSettings(BaseModel):
         default=7,
         ge=0,
         le=200,
-        description="walkers: crossing, along the course, standing and then leaving. Change it to see a fuller or "
-        "an empty park",
+        description="Number of people: crossing, walking along the course, standing and then leaving. Change it "
+        "for a busier or an empty park",
     )
     kidnaps: tuple[KidnapSettings, ...] = Field(default=(), description="when the rover is carried away, in this order")
     drive: DriveSettings = DriveSettings()

@@ -20,62 +20,70 @@ class VehicleSettings(BaseModel):
 
     motion_model: Literal["differential", "steered", "speed_yaw_rate", "pose"] = Field(
         default="differential",
-        description="what the wheels tell: counts of two wheels, speed and steering angle, speed and yaw rate, or "
-        "poses of a robot's own odometry. A live rover is differential; for a log, what its columns hold",
+        description="What the wheels report: counts of two wheels, speed and steering angle, speed and yaw rate, "
+        "or poses of the robot's own odometry. A live rover is differential; for a log, choose what "
+        "its columns hold",
     )
     wheel_radius_left_m: float = Field(
         default=0.125,
         gt=0.001,
         le=2.0,
-        description="radius under load, m; 0.125 in Table II of the paper. `infant calibrate` finds it to 0.1 %",
+        description="Radius of the left wheel under load; 0.125 in Table II of the paper. Measure it with a ruler; "
+        "`infant calibrate` then finds it to 0.1 %",
     )
-    wheel_radius_right_m: float = Field(default=0.125, gt=0.001, le=2.0, description="the same of the right wheel, m")
+    wheel_radius_right_m: float = Field(
+        default=0.125,
+        gt=0.001,
+        le=2.0,
+        description="Radius of the right wheel under load. Measure it with a ruler; `infant calibrate` then finds it "
+        "to 0.1 %",
+    )
     tread_m: float = Field(
         default=0.5,
         gt=0.05,
         le=5.0,
-        description="distance between the wheels' points of contact, m; 0.5 in Table II of the paper. "
-        "`infant calibrate` finds it",
+        description="Distance between the points where the two wheels touch the ground; 0.5 in Table II of the "
+        "paper. Measure it with a ruler; `infant calibrate` then corrects it",
     )
     counts_per_rev: float = Field(
         default=4096.0,
         ge=0.01,
         le=1e7,
-        description="counts per turn of the wheel, gear included; 1024 lines x 4 on the rover. From the data sheet; a "
-        "node that reports its own is compared with it",
+        description="Encoder counts for one turn of the wheel, gear included; 1024 lines x 4 on the paper's rover. "
+        "Take it from the data sheet; a node that reports its own is compared with it",
     )
     wheel_base_m: float = Field(
         default=2.83,
         gt=0.0,
         le=20.0,
-        description="distance from the rear axle to the steered one, m (steered only). From the drawing",
+        description="Distance from the rear axle to the steered one (steered only). Take it from the drawing",
     )
     speed_wheel_offset_m: float = Field(
         default=0.76,
         ge=-5.0,
         le=5.0,
-        description="m by which the wheel whose speed is measured stands left of the centre (steered only). "
-        "From the drawing",
+        description="Distance to the left of the centre of the wheel whose speed is measured (steered only). Take "
+        "it from the drawing",
     )
     steering_scale: float = Field(
         default=1.0,
         ge=0.5,
         le=2.0,
-        description="true steering angle over measured (steered only); `infant calibrate` finds it",
+        description="True steering angle divided by the measured one (steered only). `infant calibrate` finds it",
     )
     steering_bias_rad: float = Field(
         default=0.0,
         ge=-0.5,
         le=0.5,
-        description="rad added after the scale (steered only); `infant calibrate` finds it",
+        description="Angle added after the scale (steered only). `infant calibrate` finds it",
     )
     max_speed_mps: float = Field(
         default=1.944,
         gt=0.01,
         le=100.0,
-        description="top speed of a wheel, m/s; 7 km/h (paper, Table II). What moves 1.5 times as fast between two "
-        "samples is a jump: raise it for a faster vehicle, and for logs whose stamps are rough. For poses 26.7 where "
-        "nothing is said",
+        description="Top speed of a wheel; the default is 7 km/h (paper, Table II), 26.7 m/s for poses. Motion of "
+        "1.5 times that speed between two samples counts as a jump: raise it for a faster vehicle, and "
+        "for logs whose stamps are coarse",
     )
 
     @model_validator(mode="after")

@@ -20,60 +20,67 @@ class InfoSignals(BaseModel):
 
 
 class WheelSignals(BaseModel):
-    """Where one wheel's motion is. Empty names are signals that the device does not send."""
+    """Where the motion of one wheel is found. An empty name is a signal that the device does not send."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     message: str = Field(
-        description="name of the message that carries this wheel, as the DBC has it",
+        description="Name of the message that carries this wheel, as the DBC has it",
     )
     frame_id: int = Field(
         default=-1, ge=-1, le=0x1FFFFFFF, description="in place of the message's own id; -1: keeps it"
     )
     count: str = Field(
         default="",
-        description="signal of the cumulative position, as the DBC names it; empty for a device that sends only its "
-        "speed",
+        description="Signal of the cumulative position, as the DBC names it; empty for a device that sends only "
+        "its speed",
     )
     counts_per_unit: float = Field(
         default=1.0,
         ge=1e-6,
         le=1e12,
-        description="counts in one unit of the scaled position: change it where the DBC scales to turns or metres",
+        description="Counts in one unit of the scaled position. Change it if the DBC scales to turns or metres",
     )
     speed: str = Field(
         default="",
-        description="signal of the speed, as the DBC names it; integrated where there is no position, compared with it "
-        "elsewhere",
+        description="Signal of the speed, as the DBC names it. It is integrated if there is no position, and "
+        "compared with the position otherwise",
     )
     speed_unit: SpeedUnit = Field(
-        default="counts_per_period", description="unit of the scaled speed, as the DBC's scale leaves it"
+        default="counts_per_period",
+        description="Unit of the scaled speed. Take the unit that the scale of the DBC gives",
     )
     direction: str = Field(
         default="",
-        description="signal that says which way the wheel turns, where speed or count have no sign: SIGNAL of the same "
-        "message, or MESSAGE.SIGNAL of another, such as the gear. Without it, backwards counts as forwards there",
+        description="Signal that says which way the wheel turns, if speed or count have no sign: SIGNAL of the "
+        "same message, or MESSAGE.SIGNAL of another, such as the gear. Without it, backwards counts as "
+        "forwards for such wheels",
     )
     direction_reverse: tuple[int, ...] = Field(
-        default=(1,), description="values of the direction that mean backwards; the DBC or the manual lists them"
+        default=(1,), description="Values of the direction that mean backwards. The DBC or the manual lists them"
     )
     status: str = Field(
         default="",
-        description="signal of the state; empty where the device sends none",
+        description="Signal of the node's state, as the DBC names it; empty if the device sends none",
     )
     status_mask: int = Field(default=0xFFFFFFFF, ge=0, le=0xFFFFFFFF, description="bits of the state that matter")
     status_ok: tuple[int, ...] = Field(
-        default=(0,), description="values of the state with which the counts are good; the device's manual lists them"
+        default=(0,), description="Values of the state with which the counts are valid. The device's manual lists them"
     )
     alive: str = Field(
-        default="", description="signal of the rolling counter, which shows lost frames; wraps as wide as it is"
+        default="",
+        description="Signal of the rolling counter that shows lost frames, as the DBC names it; it wraps at the "
+        "width of the signal",
     )
     boot_id: str = Field(
-        default="", description="signal that changes with every power-up, so that a counter that began anew is no jump"
+        default="",
+        description="Signal that changes with every power-up, as the DBC names it, so that a counter that restarts "
+        "is not taken for a jump",
     )
     crc: str = Field(
         default="",
-        description="signal of the CRC-8 (SAE J1850 over id and data), a whole byte; empty where the device sends none",
+        description="Signal of the CRC-8 (SAE J1850 over id and data), one whole byte, as the DBC names it; empty "
+        "if the device sends none",
     )
     crc_polynomial: int = Field(default=0x1D, ge=1, le=255, description="SAE J1850")
     crc_init: int = Field(default=0xFF, ge=0, le=255, description="SAE J1850")
@@ -119,8 +126,13 @@ class NodeAddresses(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    left_node: int = Field(ge=0, le=255, description="node number of the left wheel: its setup tool says it")
-    right_node: int = Field(ge=0, le=255, description="node number of the right wheel, found likewise")
+    left_node: int = Field(
+        ge=0,
+        le=255,
+        description="Node number of the left wheel. The setup tool of the controller shows it, and `infant setup` "
+        "hears it",
+    )
+    right_node: int = Field(ge=0, le=255, description="Node number of the right wheel, found in the same way")
 
     @model_validator(mode="after")
     def _nodes_differ(self) -> Self:

@@ -39,11 +39,11 @@ OVERFLOW = (
     "sudo sysctl net.core.rmem_max, or relieve the processor"
 )
 UNSIGNED = (
-    "{0} wheel: its speed has no sign and no direction is named, so driving backwards counts as forwards; name the "
-    "signal in encoders.layout.{0}.direction"
+    "{0} wheel: its speed has no sign and no direction signal is configured, so driving backwards counts "
+    "as forwards; name the signal in encoders.layout.{0}.direction"
 )
-LATE = "frames waited before they were read; the counts stay right, but the processor is overloaded"
-CLOCK_JUMP = "the system clock has jumped; ages and stamps are of the monotonic clock and stay right"
+LATE = "frames waited before they were read; the counts are right, but the processor is overloaded"
+CLOCK_JUMP = "the system clock has jumped; ages and stamps use the monotonic clock and stay right"
 RATE_WINDOW_NS = 2_000_000_000
 LATE_NS = 150_000_000  # a frame that was read so long after its arrival tells of a reader that was held up
 OVERFLOW_CHECK_NS = 200_000_000  # how often the kernel is asked what it threw away
@@ -269,7 +269,7 @@ class CanEncoders:
 
     def _note_defect(self, what: str) -> None:
         """Tell what was raised in the thread, which begins anew."""
-        text = f"defect in the encoders' driver, beginning anew: {what}"
+        text = f"defect in the encoders' driver, restarting: {what}"
         with self._lock:
             self._events.add(self._now_ns(), "defects", text, Severity.ERROR)
             self._link_trouble = text

@@ -91,7 +91,7 @@ class WheelPair:
         wheel.bad_frames.drain()
         self.good_frames += 1
         if counter.epoch != epoch:
-            wheel.note(stamp_ns, "gap", "starts again; motion since its last good frame is unknown")
+            wheel.note(stamp_ns, "gap", "restarts; motion since its last good frame is unknown")
         if counter.counters["lost"] > lost:
             self._compare_losses(wheel, stamp_ns)
         for point in counter.points:
@@ -104,7 +104,9 @@ class WheelPair:
         other = self.right if wheel is self.left else self.left
         wheel.lost_at_ns = stamp_ns
         if other.lost_at_ns is not None and stamp_ns - other.lost_at_ns < self._together_ns:
-            text = "frames of both wheels are missing at once; the reader was held up or the bus was interrupted"
+            text = (
+                "frames of both wheels are missing at the same time; the reader was held up or the bus was interrupted"
+            )
             self.events.add(stamp_ns, "lost_together", text)
 
     def _sample(self, now_ns: int) -> None:

@@ -14,25 +14,26 @@ INTERPOLATED_PERIODS, INTERPOLATED_AT_LEAST_NS = 5, 60_000_000  # a longer gap i
 GEAR_NS = 2_500_000_000  # a gear that has been silent for longer is not known; most are sent each second at least
 OPERATIONAL = 5
 REASONS = {
-    "crc": "checksums are wrong; check cable, termination and that no other node uses this id",
-    "undecodable": "frames cannot be decoded, such as a multiplexer value that the layout lacks; check the layout",
-    "not_available": "the node says that it has no count (all ones); see what its manual says of that",
-    "not_finite": "the count or the speed is no number (NaN); check the node's program",
-    "out_of_range": "the count or the speed lies outside of the range that the DBC gives it; check both",
+    "crc": "checksums are wrong; check cable and termination, and that no other node uses this id",
+    "undecodable": "frames cannot be decoded, for example because of a multiplexer value that the layout lacks; check "
+    "the layout",
+    "not_available": "the node says that it has no count (all ones); see its manual",
+    "not_finite": "the count or the speed is not a number (NaN); check the program of the node",
+    "out_of_range": "the count or the speed is outside the range that the DBC gives it; check both",
     "direction": "the wheel turns and nothing says which way; check the signal or message that direction names",
-    "length": "frames have another length than the layout says; check the layout",
+    "length": "the length of the frames differs from that of the layout; check the layout",
     "standard": "frames have an 11-bit id where 29 bits are expected; check the layout",
     "extended": "frames have a 29-bit id where 11 bits are expected; check the layout",
-    "remote": "remote frames ask under this id; find the node that sends them",
+    "remote": "remote frames request this id; find the node that sends them",
     "fd": "CAN FD frames arrive under this id; check the layout",
-    "status": "the node says that its counts are not good",
-    "alive_frozen": "the rolling counter stands still while the count changes; the node's program hangs",
+    "status": "the node says that its counts are not valid",
+    "alive_frozen": "the rolling counter stands still while the count changes; the program of the node hangs",
     "jump": "the count moves faster than the rover can; check vehicle.counts_per_rev and the encoder",
     "too_soon": "the rolling counter runs ahead of time; perhaps two nodes send under this id",
     "speed_disagrees": "count and speed signal disagree; check the encoder",
     "stuck": "the count stands still while the speed signal does not; check the encoder",
     "two_senders": "two nodes send under this id; give each node its own",
-    "unconfirmed": "frames with another boot id arrive; the node restarts or has a double",
+    "unconfirmed": "frames with another boot id arrive; the node restarts or has a duplicate",
     "out_of_order": "frames arrive late",
     "duplicate": "frames arrive twice",
 }
@@ -142,8 +143,8 @@ class WheelState:
         if info.counts_per_rev is not None and info.counts_per_rev != expected:
             self.counters["configuration"] += 1
             self._misconfigured = (
-                f"the node has {info.counts_per_rev} counts per turn but vehicle.counts_per_rev is {expected:g}; "
-                "set vehicle.counts_per_rev to what is true"
+                f"the node has {info.counts_per_rev} counts per turn but vehicle.counts_per_rev is "
+                f"{expected:g}; set vehicle.counts_per_rev to the right one"
             )
         else:
             self._misconfigured = ""

@@ -64,7 +64,7 @@ def _stamps(name: str, stamps: ArrayLike) -> Sequence[int]:
         )
     values: list[int] = array.tolist()
     if any(after <= before for before, after in pairwise(values)):
-        raise UsageError(f"{name} must rise from each entry to the next; sort the samples and leave out repeated ones")
+        raise UsageError(f"{name} must increase from each entry to the next; sort the samples and remove repeated ones")
     if any(not -MOST_STAMP_NS < value < MOST_STAMP_NS for value in values[:1] + values[-1:]):
         raise UsageError(f"{name} reaches beyond 2^62 ns; expected nanoseconds")
     return values

@@ -37,8 +37,8 @@ ASK_S = 2.0
 
 def arguments() -> argparse.Namespace:
     """What was asked for."""
-    parser = argparse.ArgumentParser(description="A rover in ROS 2.")
-    parser.add_argument("--rover", required=True, help="its name in its configuration")
+    parser = argparse.ArgumentParser(description="Show a rover in ROS 2.")
+    parser.add_argument("--rover", required=True, help="name of the rover in its configuration")
     parser.add_argument("--connect", default="tcp/127.0.0.1:7448", help="zenoh endpoint of the rover or a router")
     parser.add_argument("--zenoh", help="zenoh configuration with the certificate for a fleet's router")
     parser.add_argument("--namespace", help="default: the rover's name")

@@ -60,7 +60,7 @@ class Bridge:
         try:
             data = with_prefix(topic.type_name, message.data, self._frames)
         except ValueError as error:
-            text = f"a {message.name} that no rover sends is passed over: {printable(str(error), 200)}"
+            text = f"a {message.name} that no rover sends is ignored: {printable(str(error), 200)}"
             self.troubles.setdefault(message.name, text)
             return
         writer.write(data)
@@ -71,11 +71,11 @@ class Bridge:
         try:
             words = words_of(message, self._frames)
         except ValueError as error:
-            self.answers.put(f"a pose on {INITIAL_POSE.name} is passed over: {printable(str(error), 200)}")
+            self.answers.put(f"a pose on {INITIAL_POSE.name} is ignored: {printable(str(error), 200)}")
             return
 
         def heard(answer: Answer) -> None:
-            said = "the rover looks around there" if answer.accepted else f"refused: {answer.reason}"
+            said = "the rover searches its map there" if answer.accepted else f"refused: {answer.reason}"
             self.answers.put(f"initial pose {words}: {said}")
 
         follower.command(Command.INITIAL_POSE, words, heard)

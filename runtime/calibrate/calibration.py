@@ -113,7 +113,7 @@ def _check_kind(drives: Sequence[DriveData], initial: Start) -> None:
         kind = type(drive.wheels[0])
         if MOTION_MODELS[STARTS[kind]] != model:
             raise DataSetError(
-                f"{drive.name}: holds {HELD[kind]}, which does not go with vehicle.motion_model = {model!r}; "
+                f"{drive.name}: holds {HELD[kind]}, which does not match vehicle.motion_model = {model!r}; "
                 "change the configuration"
             )
 
@@ -160,7 +160,7 @@ def _geometry(model: WheelModel, solution: Solution, found: Sequence[MotionCover
         if not refused and (half > widest or deviation > 0.5 * prior):
             short = [measure.advice for measure in found if measure.name in need.motions and measure.short]
             remedy = ", ".join(short) if short else "drive longer"
-            refused = f"the drive leaves it open by +-{half:.3g}, expected at most {widest:.3g}; {remedy}"
+            refused = f"the drive determines it only to +-{half:.3g}, expected at most {widest:.3g}; {remedy}"
         quantities.append(Quantity(name, float(value), float(value) - half, float(value) + half, refused))
     return quantities
 
@@ -173,7 +173,7 @@ def _noise(model: WheelModel, solution: Solution, noise: RangeNoise, trouble: st
         most = 0.0 if trouble else solution.most_drift()
         quantities.append(Quantity("lateral_m_per_sqrt_m", float(solution.noise[1]), 0.0, most, trouble))
     if noise.sigma_m is None:
-        why = "no standstill in which ranges varied; stand still for two seconds where the laser sees things"
+        why = "no standstill with varying ranges; stand still for two seconds where the laser sees things"
         quantities.append(Quantity("range_noise_m", 0.0, 0.0, 0.0, why))
     else:
         quantities.append(Quantity("range_noise_m", noise.sigma_m, noise.low_m, noise.high_m))

@@ -141,5 +141,5 @@ def check_drives(drives: Sequence[DriveData]) -> None:
         usable = len(drive.wheel_series().times_s) if drive.wheels else 0
         if usable < 2:
             raise DataSetError(
-                f"{drive.name}: holds {usable} wheel samples of use, expected at least 2; record with the encoders"
+                f"{drive.name}: holds {usable} usable wheel samples, expected at least 2; record with the encoders"
             )

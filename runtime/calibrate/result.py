@@ -9,7 +9,7 @@ from runtime.calibrate.scans.orientation import AS_BELIEVED, Orientation
 from runtime.calibrate.single_causes import Fit
 
 SCALES = ("distance_scale", "turn_scale", "speed_scale")
-NO_SETTING = "no setting: mend it where the base computes it"
+NO_SETTING = "no key sets this: correct it in the base, which computes it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +101,8 @@ def calibration_lines(result: Calibration) -> list[str]:
             lines.append(f"{quantity.name:24s} {quantity.value:10.5f}  {span}{aside}")
     if result.orientation.mirrored:
         lines.append(
-            "the laser hangs the other way up than configured: left and right are exchanged in its scans "
-            "(or the left and the right wheel are exchanged: then the map comes out mirrored)"
+            "the laser hangs the other way up than configured: left and right are swapped in its scans (or "
+            "the left and right wheels are swapped: then the map is mirrored)"
         )
     if turned_rad := result.orientation.turned_rad:
         lines.append(f"the laser is turned by {math.degrees(turned_rad):+.0f} deg from its configured yaw")

@@ -44,7 +44,7 @@ def text_to_write_into(path: Path, config: Path | None = None) -> str | None:
     Raises ConfigurationError where it is no configuration or cannot be changed, StorageError where there is no writing.
     """
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK) or path.is_dir():
-        raise StorageError(f"{path}: cannot be written; give a file in a folder that is there and may be written to")
+        raise StorageError(f"{path}: cannot be written; give a file in a folder that exists and is writable")
     base = path if path.exists() else config
     if base is None:
         return None
@@ -79,7 +79,7 @@ def write_configuration(result: Calibration, believed: str, path: Path, into: st
         target = path.resolve()
         atomic_write(target, text, target.stat().st_mode & 0o777 if target.exists() else None)
     except OSError as error:
-        raise StorageError(f"{path}: cannot be written ({error.strerror}); give a folder that can") from error
+        raise StorageError(f"{path}: cannot be written ({error.strerror}); give a file in a writable folder") from error
     return tuple(changes)
 
 

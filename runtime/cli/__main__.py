@@ -49,10 +49,10 @@ for name, (text, commands) in GROUPS.items():
 @app.callback()
 def infant(
     version: Annotated[
-        bool, typer.Option("--version", callback=show_version, is_eager=True, help="print the version and end")
+        bool, typer.Option("--version", callback=show_version, is_eager=True, help="print the version and exit")
     ] = False,
 ) -> None:
-    """Tell a rover where it is: a laser scanner and wheel encoders in, a pose with its covariance out."""
+    """Tell a wheeled rover where it is: from a laser scanner and wheel encoders to a pose with its covariance."""
 
 
 def main() -> None:
@@ -86,7 +86,7 @@ def run_for_a_program() -> int:
         result: Any = app(standalone_mode=False)
     except Exception as error:
         if hasattr(error, "format_message"):  # typer brings a click of its own, whose types have no name here
-            raise UsageError(error.format_message() or "no command is given; see infant --help") from error
+            raise UsageError(error.format_message() or "no command given; see infant --help") from error
         if type(error).__name__ == "Abort":
             raise UsageError("interrupted") from error
         raise

@@ -5,8 +5,10 @@ from typing import Annotated
 
 import typer
 
-BeginIn = Annotated[Path | None, typer.Option("--map", metavar="MAP", help="saved map to begin in; never altered")]
-LocaliseOnly = Annotated[bool, typer.Option("--localise-only", help="only find the pose in it: no new map is written")]
+BeginIn = Annotated[
+    Path | None, typer.Option("--map", metavar="MAP", help="saved map to start in; the file is never altered")
+]
+LocaliseOnly = Annotated[bool, typer.Option("--localise-only", help="only localise in the map: no new map is written")]
 StartAt = Annotated[
-    str | None, typer.Option("--start-at", metavar="X,Y,YAW", help="where in the map the rover stands, m and rad")
+    str | None, typer.Option("--start-at", metavar="X,Y,YAW", help="where the rover stands in the map, m and rad")
 ]

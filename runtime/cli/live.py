@@ -14,16 +14,22 @@ from runtime.cli.begin_in import BeginIn, LocaliseOnly, StartAt
 from runtime.cli.output import say, say_json
 from runtime.cli.progress import AsJson, busy
 
-Config = Annotated[Path, typer.Option("--config", help="TOML file, or a shipped name: mock drives the simulated rover")]
-Out = Annotated[Path | None, typer.Option("--out", help="folder of the run; made here, never overwritten")]
+Config = Annotated[
+    Path, typer.Option("--config", help="TOML file, or the name of a shipped one: mock drives the simulated rover")
+]
+Out = Annotated[Path | None, typer.Option("--out", help="folder of the run; created, never overwritten")]
 Seed = Annotated[int | None, typer.Option("--seed", help="seed of the filter and of the simulated world")]
-Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key; repeatable")]
+Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override one key; repeatable")]
 
 
 def run(
     config: Config,
     duration: Annotated[
-        float | None, typer.Option(min=0.1, help="seconds to run; a simulated rover drives 60 by default")
+        float | None,
+        typer.Option(
+            min=0.1,
+            help="seconds for the whole run, start-up and closing included; a simulated rover takes 60 by default",
+        ),
     ] = None,
     out: Out = None,
     seed: Seed = None,
@@ -33,7 +39,7 @@ def run(
     start_at: StartAt = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run live: sensors in, pose out, everything recorded. Ctrl-C ends it and keeps everything."""
+    """Run live: read the sensors, publish the pose, record everything. Ctrl-C ends the run and keeps everything."""
     from runtime.errors import SensorError
     from runtime.live.clock import MonotonicClock
     from runtime.live.run import Host, run_live
@@ -86,19 +92,25 @@ def stop_on_signals() -> threading.Event:
 
 
 def sim(
-    config: Annotated[Path | None, typer.Option("--config", help="TOML file, or a shipped name such as mock")] = None,
-    laser_only: Annotated[bool, typer.Option("--laser-only", help="only the laser, no CAN bus")] = False,
+    config: Annotated[
+        Path | None, typer.Option("--config", help="TOML file, or the name of a shipped one such as mock")
+    ] = None,
+    laser_only: Annotated[bool, typer.Option("--laser-only", help="simulate only the laser, no CAN bus")] = False,
     model: Annotated[str | None, typer.Option("--model", help="laser model, for example UTM-30LX")] = None,
-    listen: Annotated[str | None, typer.Option("--listen", metavar="HOST:PORT", help="where the laser listens")] = None,
-    pty: Annotated[str | None, typer.Option("--pty", metavar="PATH", help="also a pseudo-terminal, linked")] = None,
+    listen: Annotated[
+        str | None, typer.Option("--listen", metavar="HOST:PORT", help="address at which the laser listens")
+    ] = None,
+    pty: Annotated[
+        str | None, typer.Option("--pty", metavar="PATH", help="also serve a pseudo-terminal, linked from this path")
+    ] = None,
     record: Annotated[
-        Path | None, typer.Option("--record", metavar="DIR", help="keeps what was sent, for infant import")
+        Path | None, typer.Option("--record", metavar="DIR", help="keep what was sent, for infant import")
     ] = None,
 ) -> None:
-    """Run the simulated devices alone, so that any SCIP or CAN client can be pointed at them, until Ctrl-C.
+    """Run only the simulated devices, for any SCIP or CAN client to connect to, until Ctrl-C.
 
-    Without a table [simulation] the rover is built as the file describes it. Lines on standard input let something go
-    wrong: 'laser silence duration_s=2', 'wheels slip', 'world kidnap', 'clear laser'; 'help' lists all of them.
+    Without a table [simulation], the rover that the file describes is simulated. Type faults on standard input:
+    'laser silence duration_s=2', 'wheels slip', 'world kidnap', 'clear laser'; 'help' lists all of them.
     """
     from runtime.errors import UsageError
     from runtime.simulation.serve import serve_laser, serve_rover
@@ -108,7 +120,7 @@ def sim(
     if laser_only:
         serve_laser(config, overrides, stop, sys.stdout, sys.stdin)
     elif config is None:
-        raise UsageError("--config: missing; give a TOML file or a shipped name such as mock, or --laser-only")
+        raise UsageError("--config is missing; give a TOML file, a shipped name such as mock, or --laser-only")
     else:
         serve_rover(config, overrides, stop, sys.stdout, sys.stdin, record)
 
@@ -132,11 +144,14 @@ def laser_overrides(model: str | None, listen: str | None, pty: str | None) -> d
 
 def check(
     config: Config,
-    live: Annotated[bool, typer.Option("--live", help="also ask devices, disk, clock, privileges")] = False,
+    live: Annotated[bool, typer.Option("--live", help="also check devices, disk, clock and privileges")] = False,
     set_: Set = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check a configuration, and with --live the rover. Exit 3: configuration cannot be used, 4: a check failed."""
+    """Check a configuration, and with --live the rover itself.
+
+    Exit code 3: the configuration is unusable; 4: a check failed.
+    """
     from runtime.errors import PreflightError
     from runtime.settings.configuration import load_configuration
     from runtime.settings.overrides import key_values
@@ -165,23 +180,23 @@ def check(
         say_json({"config": str(config), "sha256": configuration.sha256} | preflight_result(checks))
     if worst_result(checks) is CheckResult.FAIL:
         failed = ", ".join(each.name for each in checks if each.verdict is CheckResult.FAIL)
-        raise PreflightError(f"not ready to drive: {failed}; each line above says what to do")
+        raise PreflightError(f"not ready to drive: {failed}; see the lines above for what to do")
 
 
 def status(
     connect: Annotated[list[str] | None, typer.Option("--connect", help="zenoh endpoint of a rover or router")] = None,
     zenoh_file: Annotated[
-        Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for a fleet's router")
+        Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for the router of a fleet")
     ] = None,
-    watch: Annotated[bool, typer.Option("--watch", help="again every second until Ctrl-C")] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="repeat every second until Ctrl-C")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show how the running rovers are, over zenoh: state, reasons, pose, sensors, sinks."""
+    """Show the state of every running rover, over zenoh: state, reasons, pose, sensors, sinks."""
     from runtime.errors import SensorError
     from runtime.publish import status as rovers
 
     def refused(sentence: str) -> None:
-        say(f"infant: an answer is not believed: {sentence}", err=True)
+        say(f"infant: an answer was ignored: {sentence}", err=True)
 
     endpoints = tuple(connect or rovers.ENDPOINTS)
     file = None if zenoh_file is None else str(zenoh_file)
@@ -200,7 +215,9 @@ def status(
 
 
 def warmup(as_json: AsJson = False) -> None:
-    """Compile the kernels of the filter into the cache, so that no run has to; make and the service call it."""
+    """Compile the kernels of the filter into the cache, so that no run has to wait for it; make and the service
+    call this.
+    """
     from runtime.live.kernels import mark_complete
     from slam.estimator import Estimator
     from slam.kernel_cache import forget_other_versions, use_compile_cache

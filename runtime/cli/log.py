@@ -13,7 +13,7 @@ Run = Annotated[Path, typer.Argument(help="folder of a run", show_default=False)
 
 
 def info(run: Run, as_json: AsJson = False) -> None:
-    """Show header, segments, marks and what is gone."""
+    """Show the header, segments and marks of a run, and what was removed from it."""
     from runtime.record.check import run_info
 
     facts = run_info(run)
@@ -35,7 +35,10 @@ def info(run: Run, as_json: AsJson = False) -> None:
 
 
 def verify(run: Run, as_json: AsJson = False) -> None:
-    """Read every byte of a run. Exit 6: something is not as it was written, or the run was cut off."""
+    """Read and check every byte of a run.
+
+    Exit code 6: something differs from what was written, or the run was cut off.
+    """
     from runtime.errors import StorageError
     from runtime.record.check import verify_run
 
@@ -50,17 +53,17 @@ def verify(run: Run, as_json: AsJson = False) -> None:
         say(f"read      {found.ticks} ticks in {found.segments} segment(s), {len(found.gaps)} gap(s)")
     if found.damages:
         raise StorageError(
-            f"{run} is not as it was written ({len(found.damages)} finding(s)); "
-            "infant log recover writes what can be believed into a new run"
+            f"{run} differs from what was written ({len(found.damages)} finding(s)); infant log recover "
+            "writes what is intact into a new run"
         )
 
 
 def recover(
     run: Run,
-    out: Annotated[Path, typer.Option("--out", help="folder of the new run; made here, never overwritten")],
+    out: Annotated[Path, typer.Option("--out", help="folder of the new run; created, never overwritten")],
     as_json: AsJson = False,
 ) -> None:
-    """Write all that can be believed into a new run; the damaged one is not touched."""
+    """Write everything that is intact into a new run; the damaged one is left as it is."""
     from runtime.record.check import recover_run
     from runtime.record.folder import RunFolder
 
@@ -76,12 +79,14 @@ def recover(
 
 
 def mark(
-    reason: Annotated[str, typer.Argument(help="what was seen, in a sentence", show_default=False)],
-    run: Annotated[Path | None, typer.Option("--run", help="folder of a run; else the one being recorded")] = None,
-    runs: Annotated[Path, typer.Option("--runs", help="folder of runs to look in: record.folder")] = Path("runs"),
+    reason: Annotated[str, typer.Argument(help="what you saw, in one sentence", show_default=False)],
+    run: Annotated[
+        Path | None, typer.Option("--run", help="folder of a run; default: the one that is being recorded")
+    ] = None,
+    runs: Annotated[Path, typer.Option("--runs", help="folder that holds the runs: record.folder")] = Path("runs"),
     as_json: AsJson = False,
 ) -> None:
-    """Keep the segments around this moment, whatever room is needed; a run that has ended is kept as a whole."""
+    """Keep the segments around this moment, however full the disk gets; a finished run is kept as a whole."""
     from runtime.record.folder import RunFolder
     from runtime.record.marks import leave_mark, running_run
 
@@ -90,10 +95,10 @@ def mark(
     if as_json:
         say_json({"run": str(folder.path), "reason": reason, "taken": taken})
     else:
-        waits = "" if taken else "  (the recorder has not answered yet; the mark waits)"
+        waits = "" if taken else "  (the recorder has not answered yet; the mark is queued)"
         say(f"marked    {folder.path}{waits}")
 
 
 COMMANDS = (mark,)
 LOG_COMMANDS = (info, verify, recover)
-LOG_HELP = "What a recorded run holds, and whether it is what was written."
+LOG_HELP = "Look into a recorded run, and check that it is what was written."

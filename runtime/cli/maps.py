@@ -21,11 +21,11 @@ def save(
     out: Annotated[Path, typer.Option("--out", metavar="MAP", help="file of the map; never overwritten")],
     origin: Annotated[
         str | None,
-        typer.Option("--origin", metavar="LAT,LON[,HEADING]", help="where on earth the map begins, degrees"),
+        typer.Option("--origin", metavar="LAT,LON[,HEADING]", help="geodetic position where the map begins, degrees"),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Replay a run and keep the map that it ends with, for later drives to begin in."""
+    """Replay a run and save the map that it ends with, so that later drives can start in it."""
     from runtime.maps.save import save_lines, save_run
 
     result = save_run(run, out, progress_bar("save"), origin)
@@ -42,10 +42,15 @@ def info(saved: Map, as_json: AsJson = False) -> None:
 
 def check(
     saved: Map,
-    config: Annotated[Path | None, typer.Option("--config", help="also: can a rover with this file use it?")] = None,
+    config: Annotated[
+        Path | None, typer.Option("--config", help="also say whether a rover with this configuration can use it")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Read every byte of a map. Exit 6: it is none or is damaged, 3: it is another sensor's."""
+    """Read and check every byte of a map.
+
+    Exit code 6: it is damaged or not a map; 3: it belongs to another kind of sensor.
+    """
     from runtime.maps.info import check_lines, check_map
 
     result = check_map(saved, config)
@@ -54,12 +59,14 @@ def check(
 
 def draw(
     source: Annotated[Path, typer.Argument(metavar="RUN|MAP", help="a run or a saved map", show_default=False)],
-    grid: Annotated[bool, typer.Option("--grid", help="also an occupancy grid, from the scans along the path")] = False,
-    resolution: Annotated[float, typer.Option(min=0.01, max=10.0, help="size of a cell of the grid, m")] = 0.05,
-    out: Annotated[Path | None, typer.Option("--out", help="folder of the files; default: RUN/map")] = None,
+    grid: Annotated[
+        bool, typer.Option("--grid", help="also draw an occupancy grid, from the scans along the path")
+    ] = False,
+    resolution: Annotated[float, typer.Option(min=0.01, max=10.0, help="cell size of the grid, m")] = 0.05,
+    out: Annotated[Path | None, typer.Option("--out", help="folder for the files; default: RUN/map")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write a map for others: PGM and YAML of nav2's map_server, PNG, landmarks as CSV and GeoJSON."""
+    """Export a map to other programs: PGM and YAML for nav2's map_server, PNG, landmarks as CSV and GeoJSON."""
     from runtime.maps.draw import draw_lines, draw_map, draw_run
 
     if source.is_file() and source.suffix != ".mcap":
@@ -70,12 +77,12 @@ def draw(
 
 
 def merge(
-    first: Annotated[Path, typer.Argument(metavar="MAP", help="the map whose frame is kept", show_default=False)],
-    second: Annotated[Path, typer.Argument(metavar="OTHER", help="a map of a place that overlaps", show_default=False)],
+    first: Annotated[Path, typer.Argument(metavar="MAP", help="map whose frame is kept", show_default=False)],
+    second: Annotated[Path, typer.Argument(metavar="OTHER", help="map that overlaps it", show_default=False)],
     out: Annotated[Path, typer.Option("--out", metavar="BOTH", help="file of the new map; never overwritten")],
     as_json: AsJson = False,
 ) -> None:
-    """Make one map of two, laid onto each other where a place is recognised. Exit 2: none is."""
+    """Merge two maps where both show the same place. Exit code 2: no such place was recognised."""
     from runtime.maps.merge import merge_files, merge_lines
 
     result = merge_files(first, second, out)
@@ -86,13 +93,13 @@ def live(
     rover: Annotated[str, typer.Option("--rover", help="name of the rover")],
     connect: Annotated[str, typer.Option("--connect", help="zenoh endpoint of the rover or a router")] = LOCAL_ROVER,
     zenoh_file: Annotated[
-        Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for a fleet's router")
+        Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for the router of a fleet")
     ] = None,
-    resolution: Annotated[float, typer.Option(min=0.02, max=10.0, help="size of a cell of the grid, m")] = 0.05,
-    duration: Annotated[float | None, typer.Option(min=1.0, help="seconds; until Ctrl-C by default")] = None,
+    resolution: Annotated[float, typer.Option(min=0.02, max=10.0, help="cell size of the grid, m")] = 0.05,
+    duration: Annotated[float | None, typer.Option(min=1.0, help="seconds; default: until Ctrl-C")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Publish the grid of a rover that drives, once a second on infant/ROVER/grid, as a process of its own."""
+    """Publish the occupancy grid of a running rover once a second on infant/ROVER/grid, from a separate process."""
     from runtime.maps.live_grid import publish_live_grid
 
     stop = stop_on_signals()
@@ -106,4 +113,4 @@ def live(
 
 
 MAP_COMMANDS = (save, info, check, draw, merge, live)
-MAP_HELP = "A map in files, for another drive or for other programs."
+MAP_HELP = "Save, check, draw and merge maps, for later drives and for other programs."

@@ -11,15 +11,16 @@ from runtime.cli.progress import AsJson
 
 
 def install(
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="show every file and command, change nothing")] = False,
-    remove: Annotated[bool, typer.Option("--remove", help="take it away again; runs and configuration stay")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="show every file and command, but change nothing")] = False,
+    remove: Annotated[bool, typer.Option("--remove", help="uninstall; runs and configuration stay")] = False,
     config: Annotated[
-        Path | None, typer.Option("--config", help="becomes /etc/infant/rover.toml where there is none yet")
+        Path | None,
+        typer.Option("--config", help="configuration to place at /etc/infant/rover.toml if there is none yet"),
     ] = None,
-    root: Annotated[Path, typer.Option("--root", help="root of an image instead of this machine")] = Path("/"),
+    root: Annotated[Path, typer.Option("--root", help="root folder of an image instead of this machine")] = Path("/"),
     as_json: AsJson = False,
 ) -> None:
-    """Install Infant as a service of this machine: user, folders, rules, units, configuration. Needs root."""
+    """Install Infant as a service: user, folders, rules, units, configuration. Needs root."""
     from runtime.errors import PreflightError
     from runtime.setup import install as installation
     from runtime.setup.place import needed_paths, place_trouble, program_path
@@ -47,13 +48,13 @@ def install(
 
 
 def config(
-    defaults: Annotated[bool, typer.Option("--defaults", help="every key with its default")] = False,
+    defaults: Annotated[bool, typer.Option("--defaults", help="show every key with its default")] = False,
     explain: Annotated[
         str | None,
-        typer.Option("--explain", metavar="KEY", help="what a key or table means, and how to find its value"),
+        typer.Option("--explain", metavar="KEY", help="show what a key or table means, and how to find its value"),
     ] = None,
     diff: Annotated[
-        Path | None, typer.Option("--diff", metavar="FILE", help="what a configuration changes from the defaults")
+        Path | None, typer.Option("--diff", metavar="FILE", help="show what a configuration changes from the defaults")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -62,7 +63,7 @@ def config(
     from runtime.setup import key_facts
 
     if sum((defaults, explain is not None, diff is not None)) != 1:
-        raise UsageError("give one of --defaults, --explain KEY and --diff FILE")
+        raise UsageError("give exactly one of --defaults, --explain KEY and --diff FILE")
     if explain is not None:
         facts = key_facts.explained(explain)
         answer({"keys": [fact.as_json() for fact in facts]}, key_facts.explained_lines(facts), as_json)
@@ -78,22 +79,28 @@ GEOMETRY = {
     "--wheel-radius": "radius of a wheel under load, m",
     "--tread": "distance between the points where the two wheels touch the ground, m",
     "--counts-per-rev": "encoder counts for one turn of the wheel, gear included",
-    "--laser-ahead": "distance of the laser ahead of the middle of the axle, m, below zero behind it",
+    "--laser-ahead": "distance of the laser ahead of the middle of the axle, m; negative if it is behind",
 }
 """What nobody can hear on a wire, by option."""
 
 
 def setup(
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="what is written; never overwritten")] = Path(
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="file to write; never overwritten")] = Path(
         "rover.toml"
     ),
     rover: Annotated[str, typer.Option("--rover", help="name of the rover")] = "infant",
-    laser: Annotated[str | None, typer.Option("--laser", metavar="URL", help="its place; else looked for")] = None,
+    laser: Annotated[
+        str | None, typer.Option("--laser", metavar="URL", help="address of the laser; default: search for it")
+    ] = None,
     can: Annotated[
-        str | None, typer.Option("--can", metavar="BUS", help="can0, or INTERFACE:CHANNEL[:PORT]; else looked for")
+        str | None,
+        typer.Option("--can", metavar="BUS", help="can0, or INTERFACE:CHANNEL[:PORT]; default: search for it"),
     ] = None,
     dbc: Annotated[
-        Path | None, typer.Option("--dbc", metavar="FILE", help="of the wheels' maker; tried against what is heard")
+        Path | None,
+        typer.Option(
+            "--dbc", metavar="FILE", help="DBC of the wheels, from their maker; tried on the frames that are heard"
+        ),
     ] = None,
     wheel_radius: Annotated[float | None, typer.Option("--wheel-radius", help=GEOMETRY["--wheel-radius"])] = None,
     tread: Annotated[float | None, typer.Option("--tread", help=GEOMETRY["--tread"])] = None,
@@ -101,10 +108,10 @@ def setup(
     laser_ahead: Annotated[float | None, typer.Option("--laser-ahead", help=GEOMETRY["--laser-ahead"])] = None,
     backwards: Annotated[bool, typer.Option("--backwards", help="the laser looks backwards")] = False,
     upside_down: Annotated[bool, typer.Option("--upside-down", help="the laser hangs upside down")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="ask nothing: what is missing is an error")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="ask nothing: a missing value is an error")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the laser and the wheels, listening only on CAN, and write a configuration for them."""
+    """Find the laser and the wheels and write a configuration for them. On CAN it only listens."""
     from runtime.errors import UsageError
     from runtime.setup.discover.wizard import Known, next_lines, set_up
     from runtime.setup.discover.written import Geometry
@@ -112,7 +119,7 @@ def setup(
     given = dict(zip(GEOMETRY, (wheel_radius, tread, counts_per_rev, laser_ahead), strict=True))
     missing = [option for option, value in given.items() if value is None]
     if missing and (yes or not sys.stdin.isatty()):
-        raise UsageError(f"{missing[0]} is missing ({GEOMETRY[missing[0]]}): measure it, geometry is never guessed")
+        raise UsageError(f"{missing[0]} is missing ({GEOMETRY[missing[0]]}): measure it; geometry is never guessed")
 
     def geometry() -> Geometry:
         for option in missing:

@@ -22,7 +22,7 @@ def busy(task: str) -> Iterator[None]:
         yield
 
 
-AsJson = Annotated[bool, typer.Option("--json", help="one JSON object on standard output and nothing else there")]
+AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object on standard output and nothing else")]
 
 
 def progress_bar(task: str) -> Callable[[float], None]:

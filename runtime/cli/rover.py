@@ -15,12 +15,15 @@ from runtime.cli.progress import AsJson
 
 Rover = Annotated[str | None, typer.Option("--rover", help="name of the rover; default: the only one that answers")]
 Connect = Annotated[
-    str | None, typer.Option("--connect", metavar="ENDPOINT|HOST", help="the rover or a router; default: this machine")
+    str | None,
+    typer.Option(
+        "--connect", metavar="ENDPOINT|HOST", help="endpoint or host of the rover or a router; default: this machine"
+    ),
 ]
 ZenohFile = Annotated[
-    Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for a fleet's router")
+    Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for the router of a fleet")
 ]
-Duration = Annotated[float | None, typer.Option("--duration", min=1.0, help="seconds; until Ctrl-C by default")]
+Duration = Annotated[float | None, typer.Option("--duration", min=1.0, help="seconds; default: until Ctrl-C")]
 
 
 def stopping(duration_s: float | None) -> threading.Event:
@@ -37,20 +40,20 @@ def ros2(
     rover: Rover = None,
     connect: Connect = None,
     zenoh_file: ZenohFile = None,
-    domain: Annotated[int, typer.Option("--domain", help="ROS_DOMAIN_ID of the nodes that shall see it")] = 0,
+    domain: Annotated[int, typer.Option("--domain", help="ROS_DOMAIN_ID of the nodes that are to see the rover")] = 0,
     interface: Annotated[str, typer.Option("--interface", help="network interface, for example wlan0")] = "lo",
     namespace: Annotated[
-        str | None, typer.Option("--namespace", help="of the topics; default: the rover's name; '' for none")
+        str | None, typer.Option("--namespace", help="prefix of the topics; default: the rover's name; '' for none")
     ] = None,
     frame_prefix: Annotated[
-        str | None, typer.Option("--frame-prefix", help="of the frames; default: the rover's name; '' for none")
+        str | None, typer.Option("--frame-prefix", help="prefix of the frames; default: the rover's name; '' for none")
     ] = None,
-    resolution: Annotated[float, typer.Option(min=0.02, max=10.0, help="size of a cell of /map, m")] = 0.1,
-    grid: Annotated[bool, typer.Option("--map/--no-map", help="whether /map is made of poses and scans")] = True,
+    resolution: Annotated[float, typer.Option(min=0.02, max=10.0, help="cell size of /map, m")] = 0.1,
+    grid: Annotated[bool, typer.Option("--map/--no-map", help="whether to make /map from poses and scans")] = True,
     duration: Duration = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show a running rover to ROS 2 nodes that speak DDS, as a process of its own; no ROS is needed here."""
+    """Show a running rover to ROS 2 nodes over DDS, from a separate process; this machine needs no ROS."""
     from runtime.bridge.ros2 import BridgeOptions, bridge_ros2
 
     file = None if zenoh_file is None else str(zenoh_file)
@@ -61,10 +64,14 @@ def ros2(
 
 
 def rclpy(
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="default: standard output")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="file to write; default: standard output")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write the same as one Python file for a machine that has ROS 2; it needs rclpy and eclipse-zenoh, and not us."""
+    """Write the bridge as one Python file for a machine with ROS 2; it needs rclpy and eclipse-zenoh, but not
+    Infant.
+    """
     from runtime.errors import RunExistsError, StorageError
 
     text = files("runtime.bridge").joinpath("rclpy_node.py").read_text(encoding="utf-8")
@@ -76,7 +83,7 @@ def rclpy(
             file.write(text)
         out.chmod(0o755)
     except FileExistsError as error:
-        raise RunExistsError(f"{out} exists; nothing is overwritten, give another name") from error
+        raise RunExistsError(f"{out} exists and nothing is overwritten; give another name") from error
     except OSError as error:
         raise StorageError(f"{out} cannot be written ({error.strerror}); give another name") from error
     answer({"file": str(out)}, (f"written   {out}: python3 {out} --rover NAME --connect ENDPOINT",), as_json)
@@ -94,19 +101,24 @@ class CommandWord(StrEnum):
 def command(
     asked: Annotated[
         CommandWord,
-        typer.Argument(help="mark this moment, save what is recorded, stop recording, or say where the rover stands"),
+        typer.Argument(help="mark this moment, save what is recorded, stop recording, or set where the rover stands"),
     ],
     reason: Annotated[
-        str, typer.Argument(help="what was seen, which a mark needs; of initial_pose X,Y,YAW[,SIGMA_M,SIGMA_RAD]")
+        str, typer.Argument(help="what you saw (required for mark); for initial_pose: X,Y,YAW[,SIGMA_M,SIGMA_RAD]")
     ] = "",
     rover: Rover = None,
-    connect: Annotated[str, typer.Option("--connect", help="endpoint of the rover or router")] = "tcp/127.0.0.1:7447",
+    connect: Annotated[
+        str, typer.Option("--connect", help="zenoh endpoint of the rover or router")
+    ] = "tcp/127.0.0.1:7447",
     zenoh_file: Annotated[
-        Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate, for example for a fleet")
+        Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for the router of a fleet")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell a rover over zenoh to mark, save or stop its recording, or where it stands; publish.commands must be on."""
+    """Tell a rover over zenoh to mark, save or stop its recording, or where it stands.
+
+    Needs publish.commands on the rover.
+    """
     from runtime.commands import Command
     from runtime.errors import UsageError
     from runtime.publish.commands import send_command
@@ -119,7 +131,7 @@ def command(
         said = {"rover": rover, "command": asked.value, "accepted": answer.accepted, "reason": answer.reason}
         say_json(said)
     elif answer.accepted:
-        say(f"{rover} accepted {asked.value}; the event stands in its log")
+        say(f"{rover} accepted {asked.value}; the event is in its log")
     if not answer.accepted:
         raise UsageError(f"{rover} refused {asked.value}: {answer.reason}")
 
@@ -128,25 +140,29 @@ def page(
     rover: Rover = None,
     connect: Connect = None,
     zenoh_file: ZenohFile = None,
-    host: Annotated[str, typer.Option("--host", help="address of this machine to serve at")] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0: any that is free")] = 8448,
+    host: Annotated[
+        str, typer.Option("--host", help="address of this machine at which to serve the page")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="port; 0 takes any free one")] = 8448,
     runs: Annotated[Path, typer.Option("--runs", metavar="DIR", help="folder whose runs are listed")] = Path("runs"),
     commands: Annotated[
         bool,
-        typer.Option("--commands", help="buttons for mark and stop; on the loopback only, and as the rover allows"),
+        typer.Option(
+            "--commands", help="add buttons for mark and stop; on the loopback only, and only what the rover allows"
+        ),
     ] = False,
     duration: Duration = None,
     as_json: AsJson = False,
 ) -> None:
-    """Serve a page that shows a running rover to a browser: state, map, sensors, events, runs."""
+    """Serve a web page that shows a running rover: state, map, sensors, events and runs."""
     from runtime.page.serve import ServeOptions, serve_page
 
     file = None if zenoh_file is None else str(zenoh_file)
     options = ServeOptions(host, port, connect, rover, file, runs, commands)
     result = serve_page(options, stopping(duration), sys.stderr)
-    answer(result, (f"shown     {result['rover']} at {result['url']}",), as_json)
+    answer(result, (f"served    {result['rover']} at {result['url']}",), as_json)
 
 
 COMMANDS = (command, page)
 BRIDGE_COMMANDS = (ros2, rclpy)
-BRIDGE_HELP = "A running rover for ROS 2."
+BRIDGE_HELP = "Show a running rover to ROS 2."

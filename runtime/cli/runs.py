@@ -23,20 +23,20 @@ class FailOn(StrEnum):
 
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")]
 AllowDefects = Annotated[
-    bool, typer.Option("--allow-defects", help="do not end with code 70 where steps of the filter raised an error")
+    bool, typer.Option("--allow-defects", help="do not exit with code 70 if steps of the filter raised an error")
 ]
 
 
 def replay(
     run: Run,
-    config: Annotated[Path | None, typer.Option("--config", help="another configuration than the recorded one")] = None,
+    config: Annotated[Path | None, typer.Option("--config", help="another configuration than the recorded")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="folder for the replayed run; never overwritten")] = None,
-    verify: Annotated[bool, typer.Option("--verify", help="compare with the record bit for bit")] = False,
-    seed: Annotated[int | None, typer.Option("--seed", help="another seed of the filter")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key")] = None,
+    verify: Annotated[bool, typer.Option("--verify", help="compare with the record, bit for bit")] = False,
+    seed: Annotated[int | None, typer.Option("--seed", help="use another seed for the filter")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override one key")] = None,
     without: Annotated[
         list[str] | None,
-        typer.Option("--without", metavar="TECHNIQUE", help="switches one off: difference, sparse, density, ..."),
+        typer.Option("--without", metavar="TECHNIQUE", help="switch one off: difference, sparse, density, ..."),
     ] = None,
     map_: BeginIn = None,
     localise_only: LocaliseOnly = False,
@@ -44,7 +44,7 @@ def replay(
     allow_defects: AllowDefects = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run the filter over a recorded run again, as fast as it can."""
+    """Run the filter over a recorded run again, as fast as possible."""
     from runtime.map_files import start
     from runtime.replay.replay import replay_lines, replay_run
 
@@ -55,7 +55,7 @@ def replay(
     _end_with_defects(result["defects"], allow_defects)
     if result["altered"]:
         altered = "; ".join(result["altered"][:3])
-        raise StorageError(f"{run} is not what was closed ({altered}): see infant log verify")
+        raise StorageError(f"{run} is not as it was when it was closed ({altered}); see infant log verify")
     if verify and not (result["identical"] or result["within_tolerance"]):
         sys.exit(1)
 
@@ -77,15 +77,15 @@ def replay_overrides(set_: list[str] | None, without: list[str] | None, seed: in
 
 
 def import_(
-    source: Annotated[Path, typer.Argument(metavar="SOURCE", help="a recording: arrays, bag of ROS, CARMEN log, ...")],
+    source: Annotated[Path, typer.Argument(metavar="SOURCE", help="a recording: arrays, ROS bag, CARMEN log, ...")],
     out: Annotated[Path, typer.Option("--out", metavar="RUN", help="folder of the new run; never overwritten")],
-    config: Annotated[Path | None, typer.Option("--config", help="default: the set's own file in config/")] = None,
-    at_rest: Annotated[bool, typer.Option("--at-rest", help="the sensor stood still; no odometry is needed")] = False,
+    config: Annotated[Path | None, typer.Option("--config", help="default: the data set's own file in config/")] = None,
+    at_rest: Annotated[bool, typer.Option("--at-rest", help="the sensor stood still; needs no odometry")] = False,
     scan_topic: Annotated[str | None, typer.Option("--scan-topic", help="of a bag with several LaserScans")] = None,
     odom_topic: Annotated[str | None, typer.Option("--odom-topic", help="of a bag with several Odometries")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Turn recorded data of others into a run that can be replayed and evaluated."""
+    """Convert a recording from another system into a run that can be replayed and evaluated."""
     from runtime.importers.data_set import import_data_set, import_lines
     from runtime.importers.rosbag import Topics
 
@@ -97,12 +97,13 @@ def import_(
 def evaluate(
     run: Run,
     truth: Annotated[
-        Path | None, typer.Option("--truth", help="TUM file, run's time or UTC; default: the run's own")
+        Path | None,
+        typer.Option("--truth", help="TUM file, in the time of the run or UTC; default: the truth in the run"),
     ] = None,
     allow_defects: AllowDefects = False,
     as_json: AsJson = False,
 ) -> None:
-    """Compare a run with the truth that it has; write trajectory.tum, odometry.tum and truth.tum for evo."""
+    """Compare a run with its ground truth; write trajectory.tum, odometry.tum and truth.tum for evo."""
     from runtime.evaluate import evaluate as evaluation
 
     with busy("evaluate"):
@@ -112,7 +113,7 @@ def evaluate(
 
 
 def smooth(run: Run, as_json: AsJson = False) -> None:
-    """Smooth path and landmarks of a run by all that it saw, and find the matches that this refutes; needs gtsam."""
+    """Smooth the path and landmarks with everything that a run saw, and find matches that it refutes; needs gtsam."""
     from runtime.smooth.smooth import smooth_lines, smooth_run
 
     result = smooth_run(run, progress_bar("replay"))
@@ -122,16 +123,17 @@ def smooth(run: Run, as_json: AsJson = False) -> None:
 def review(
     run: Run,
     fail_on: Annotated[
-        FailOn | None, typer.Option("--fail-on", help="exit code 1 where a finding is as grave as this, for CI")
+        FailOn | None,
+        typer.Option("--fail-on", help="exit with code 1 if there is a finding of this severity or above, for CI"),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE.html", help="elsewhere than in the run"),
+        typer.Option("--out", metavar="FILE.html", help="file to write; default: in the run"),
     ] = None,
     allow_defects: AllowDefects = False,
     as_json: AsJson = False,
 ) -> None:
-    """Write report.html and report.json with findings, and make review.rrd again."""
+    """Write report.html and report.json with findings, and draw review.rrd again."""
     from runtime.record.reader import RunReader
     from runtime.record.room import is_being_written
     from runtime.record.trajectories import with_estimates
@@ -153,13 +155,13 @@ def review(
 
 def compare(
     first: Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")],
-    second: Annotated[Path, typer.Argument(metavar="RUN", help="folder of another run, or of its replay")],
+    second: Annotated[Path, typer.Argument(metavar="RUN", help="folder of another run, or of a replay of it")],
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE.html", help="default: compare.html in the second run")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Two runs side by side: figures, findings and what the configurations differ in."""
+    """Compare two runs side by side: figures, findings and differences in their configurations."""
     from runtime.report.compare import build_comparison, comparison_lines
 
     with busy("compare"):
@@ -169,40 +171,42 @@ def compare(
 
 def view(
     run: Annotated[
-        str | None, typer.Argument(metavar="RUN", help="folder of a run; with --live the rover's host or endpoint")
+        str | None, typer.Argument(metavar="RUN", help="folder of a run; with --live, host or endpoint of the rover")
     ] = None,
-    web: Annotated[bool, typer.Option("--web", help="in a browser instead of the native viewer")] = False,
+    web: Annotated[bool, typer.Option("--web", help="open a browser instead of the native viewer")] = False,
     screenshot: Annotated[
-        Path | None, typer.Option("--screenshot", metavar="FILE.png", help="a picture, without a screen")
+        Path | None, typer.Option("--screenshot", metavar="FILE.png", help="write a picture; no screen needed")
     ] = None,
-    at: Annotated[float | None, typer.Option("--at", min=0.0, help="s of the run, as a review names them")] = None,
-    live: Annotated[bool, typer.Option("--live", help="a rover that drives, over zenoh")] = False,
+    at: Annotated[float | None, typer.Option("--at", min=0.0, help="start at this second of the run")] = None,
+    live: Annotated[bool, typer.Option("--live", help="show a running rover, over zenoh")] = False,
     connect: Annotated[
-        str | None, typer.Option("--connect", metavar="ENDPOINT|HOST", help="of a live rover; default: this machine")
+        str | None, typer.Option("--connect", metavar="ENDPOINT|HOST", help="for a live rover; default: this machine")
     ] = None,
-    rover: Annotated[str | None, typer.Option("--rover", help="name of a live rover; default: the only one")] = None,
+    rover: Annotated[
+        str | None, typer.Option("--rover", help="name of a live rover; default: the only one that answers")
+    ] = None,
     zenoh_file: Annotated[
-        Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for a fleet's router")
+        Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for the router of a fleet")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Open the review of a run, or a rover that drives, on this machine only."""
+    """Open the recording of a run, or a running rover, in the rerun viewer; served on this machine only."""
     from runtime.review import viewer
 
     if live:
         _view_live(run or connect, rover, zenoh_file, web, screenshot, as_json)
         return
     if run is None:
-        raise UsageError("which run? give the folder of one, or --live for a rover that drives")
+        raise UsageError("no run given; give the folder of a run, or --live for a running rover")
     if connect is not None or rover is not None:
-        raise UsageError("--connect and --rover are of a live rover; add --live")
+        raise UsageError("--connect and --rover apply to a live rover; add --live")
     from runtime.record.folder import RunFolder
 
     folder = RunFolder.open(Path(run))
     progress = progress_bar("draw")
     if screenshot is None:
         if web and at is not None:
-            raise UsageError("--at moves the native viewer only; leave --web out, or move the time in the browser")
+            raise UsageError("--at works in the native viewer only; leave out --web, or move the time in the browser")
         code = viewer.open_review(folder, web, progress, at)
         if as_json:
             say_json({"run": run, "viewer_exit_code": code})
@@ -221,7 +225,7 @@ def _view_live(
     from runtime.optional_packages import needs
 
     if screenshot is not None:
-        raise UsageError("--screenshot is of a recorded run; leave out --live")
+        raise UsageError("--screenshot works for a recorded run; leave out --live")
     with needs("rerun", "infant view --live"):
         from runtime.live_view.view import view_live
     file = None if zenoh_file is None else str(zenoh_file)
@@ -232,13 +236,14 @@ def _view_live(
 
 def calibrate(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of recorded drives")],
-    config: Annotated[Path | None, typer.Option("--config", help="start from these values")] = None,
+    config: Annotated[Path | None, typer.Option("--config", help="start from the values in this file")] = None,
     write: Annotated[
-        Path | None, typer.Option("--write", metavar="FILE", help="configuration file, new or there: comments stay")
+        Path | None,
+        typer.Option("--write", metavar="FILE", help="configuration to write, new or existing; comments stay"),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find wheels, laser mount (upside down too), latency and noise from ordinary drives, with 95 % intervals."""
+    """Find wheel geometry, laser mount, latency and noise from ordinary drives, with 95 % intervals."""
     from runtime.calibrate.recorded_drives import calibrate_runs
     from runtime.calibrate.result import calibration_lines
     from runtime.calibrate.write import text_to_write_into, write_configuration
@@ -260,18 +265,18 @@ def calibrate(
 def export(
     run: Run,
     ros2: Annotated[
-        Path | None, typer.Option("--ros2", metavar="DIR", help="a rosbag2 folder for ROS 2, Foxglove and Lichtblick")
+        Path | None, typer.Option("--ros2", metavar="DIR", help="rosbag2 folder for ROS 2, Foxglove and Lichtblick")
     ] = None,
-    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="one line for each tick")] = None,
-    tum: Annotated[Path | None, typer.Option("--tum", metavar="FILE", help="the path for evo")] = None,
+    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="one line per tick")] = None,
+    tum: Annotated[Path | None, typer.Option("--tum", metavar="FILE", help="the path, for evo")] = None,
     geojson: Annotated[
         Path | None, typer.Option("--geojson", metavar="FILE", help="path and landmarks, in metres of the map frame")
     ] = None,
-    resolution: Annotated[float, typer.Option(min=0.02, max=10.0, help="size of a cell of the grid on /map, m")] = 0.1,
+    resolution: Annotated[float, typer.Option(min=0.02, max=10.0, help="cell size of the grid on /map, m")] = 0.1,
     grid: Annotated[bool, typer.Option("--grid/--no-grid", help="whether the bag gets an occupancy grid")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Write a recorded run in the forms of others, in wall time; nothing is overwritten."""
+    """Export a run to the formats of other programs, stamped in wall time; nothing is overwritten."""
     from runtime.export.export import Outputs, export_lines, export_run
 
     outputs = Outputs(ros2, csv, tum, geojson)

@@ -38,33 +38,34 @@ def paper(
     part: Annotated[
         Part,
         typer.Argument(
-            help="a figure, the table, the ablation, the published pose, all; places; recognition; relocalisation"
+            help="which figure, table or study: a figure, the table, the ablation, the published pose, all; "
+            "places; recognition; relocalisation"
         ),
     ],
     more: Annotated[
-        list[str] | None, typer.Argument(metavar="[SET]...", help="places, relocalisation: only these")
+        list[str] | None, typer.Argument(metavar="[SET]...", help="places and relocalisation: only these sets")
     ] = None,
-    seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="drives for each arm")] = 20,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="drives for each variant")] = 20,
     out: Annotated[Path, typer.Option("--out", help="folder for pictures and tables; finished jobs are kept")] = Path(
         "paper"
     ),
-    particles: Annotated[int, typer.Option("--particles", min=1, max=10_000, help="particles of every arm")] = 30,
+    particles: Annotated[int, typer.Option("--particles", min=1, max=10_000, help="particles in every variant")] = 30,
     repeats: Annotated[
-        int, typer.Option("--repeats", min=0, max=1000, help="places: drives that each leave 5 % of the scans out")
+        int, typer.Option("--repeats", min=0, max=1000, help="places: repeats, each leaving out 5 % of the scans")
     ] = 20,
     sets: Annotated[list[str] | None, typer.Option("--sets", metavar="SET...", help="places: only these")] = None,
     data: Annotated[
-        Path, typer.Option("--data", envvar="INFANT_DATA", help="folder of the public recordings, for what has sets")
+        Path, typer.Option("--data", envvar="INFANT_DATA", help="folder of the public recordings")
     ] = SHARED_DATA,
     scheduler: Scheduler = "local",
     as_json: AsJson = False,
 ) -> None:
-    """Reproduce the paper's figures with their spread over seeds, and say what holds.
+    """Reproduce the paper's figures with their spread over seeds, and say which claims hold.
 
     "places" drives through every public recording, with its own configuration file and with the defaults, through a
-    simulated building and with beams that drop out. "recognition" looks for places in made maps, and for places that
-    are in none; 20 seeds are 30 000 of these. "relocalisation" sets rovers down in maps of drives: worlds, recordings,
-    sessions, localise, slips.
+    simulated building, and with beams that drop out. "recognition" looks for places in generated maps, and for places
+    that are in none; 20 seeds make 30 000 of these. "relocalisation" puts rovers down in maps of earlier drives:
+    worlds, recordings, sessions, localise, slips.
     """
     chosen = [*(sets or []), *(more or [])]
     if part is Part.PLACES:
@@ -90,7 +91,7 @@ def paper(
         return
     if chosen:
         raise UsageError(
-            f"{' '.join(chosen)}: only places and relocalisation have sets; leave them out of infant paper {part.value}"
+            f"{' '.join(chosen)}: only places and relocalisation take sets; leave them out of infant paper {part.value}"
         )
     from runtime.optional_packages import needs
 
@@ -107,11 +108,11 @@ def sweep(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of recorded runs")],
     out: Annotated[Path, typer.Option("--out", help="folder for the table; finished jobs are kept")],
     set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=V1,V2", help="values of one key")] = None,
-    seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="seeds of the filter, from 1 on")] = 5,
+    seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="seeds of the filter, counted from 1")] = 5,
     scheduler: Scheduler = "local",
     as_json: AsJson = False,
 ) -> None:
-    """Replay recorded runs with every combination of settings and seeds; one table as Parquet and CSV."""
+    """Replay recorded runs with every combination of settings and seeds; write one table as Parquet and CSV."""
     from runtime.studies import parameter_sweep as sweeping
 
     result = sweeping.sweep(runs, set_ or [], seeds, out, chosen_scheduler(scheduler), job_progress("sweep"))
@@ -132,11 +133,14 @@ def job_progress(task: str) -> Callable[[int, int], None]:
 
 
 def quality(
-    runs: Annotated[int, typer.Option(min=1, max=10_000, help="kidnapped drives, and as many blinded ones")] = 100,
-    hours: Annotated[float, typer.Option(min=0.2, max=1000.0, help="of undisturbed driving among people")] = 3.0,
+    runs: Annotated[int, typer.Option(min=1, max=10_000, help="number of kidnapped drives, and of blinded ones")] = 100,
+    hours: Annotated[float, typer.Option(min=0.2, max=1000.0, help="hours of undisturbed driving among people")] = 3.0,
     particles: Annotated[int, typer.Option("--particles", min=1, max=10_000, help="particles of the filter")] = 100,
     calibration: Annotated[
-        bool, typer.Option("--calibration", help="drives on which the bounds were chosen, not those that judge them")
+        bool,
+        typer.Option(
+            "--calibration", help="use the drives on which the thresholds were chosen, not those that judge them"
+        ),
     ] = False,
     out: Annotated[Path, typer.Option("--out", help="folder for the curve; finished drives are kept")] = Path(
         "quality"
@@ -144,7 +148,7 @@ def quality(
     scheduler: Scheduler = "none",
     as_json: AsJson = False,
 ) -> None:
-    """How often a kidnapped or blinded rover says that it is lost, and how often one says so that is not."""
+    """Measure how often a kidnapped or blinded rover says that it is lost, and how often it says so wrongly."""
     from runtime.studies.loss_detection import study as studies
     from slam.estimator import Estimator
 
@@ -156,17 +160,21 @@ def quality(
 
 
 def rate(
-    config: Annotated[Path, typer.Option("--config", help="what to run")] = Path("mock"),
-    minutes: Annotated[float, typer.Option(min=0.05, max=1440.0, help="length of the run")] = 10.0,
-    hogs: Annotated[int, typer.Option(min=0, max=64, help="busy processes beside it")] = 2,
-    fsync: Annotated[bool, typer.Option("--fsync/--no-fsync", help="a loop of fsync on the same disk")] = True,
+    config: Annotated[Path, typer.Option("--config", help="configuration to run")] = Path("mock"),
+    minutes: Annotated[float, typer.Option(min=0.05, max=1440.0, help="minutes to run")] = 10.0,
+    hogs: Annotated[int, typer.Option(min=0, max=64, help="busy processes to run at the same time")] = 2,
+    fsync: Annotated[bool, typer.Option("--fsync/--no-fsync", help="also run a loop of fsync on the same disk")] = True,
     privileges: Annotated[
-        bool, typer.Option("--privileges/--no-privileges", help="real-time priority and locked memory")
+        bool, typer.Option("--privileges/--no-privileges", help="use real-time priority and locked memory")
     ] = True,
-    set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override one key; repeatable")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run while other processes keep the computer busy; print how the loop kept its rate and what each stage took."""
+    """Run while other processes keep the computer busy; print how well the loop kept its rate and what each stage
+    took.
+    """
     from runtime.studies.rate import measure_rate, rate_lines
 
     measured = measure_rate(config, minutes, hogs, fsync, privileges, set_ or [])
@@ -174,16 +182,22 @@ def rate(
 
 
 def soak(
-    config: Annotated[Path, typer.Option("--config", help="what to run; a simulated rover")] = Path("mock"),
+    config: Annotated[Path, typer.Option("--config", help="configuration to run; of a simulated rover")] = Path("mock"),
     minutes: Annotated[
-        float, typer.Option(min=0.01, max=1440.0, help="how long it takes where the computer keeps up")
+        float, typer.Option(min=0.01, max=1440.0, help="minutes it takes if the computer keeps up")
     ] = 30.0,
-    speed: Annotated[float, typer.Option(min=0.5, max=100.0, help="times faster than life, at most")] = 10.0,
-    out: Annotated[Path | None, typer.Option("--out", help="folder that keeps the run; absent: none is kept")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="overrides one key")] = None,
+    speed: Annotated[float, typer.Option(min=0.5, max=100.0, help="times faster than real time, at most")] = 10.0,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="folder in which to keep the run; default: it is not kept")
+    ] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override one key; repeatable")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Drive for hours by a clock that skips sleep; print growth of memory, leaked descriptors and missed beats."""
+    """Simulate hours of driving with a clock that skips sleep; print memory growth, leaked descriptors and missed
+    beats.
+    """
     from runtime.cli.live import stop_on_signals
     from runtime.studies.soak.soak import soak as drive_long
     from runtime.studies.soak.soak import soak_lines
@@ -195,7 +209,7 @@ def soak(
 
 
 def bench(as_json: AsJson = False) -> None:
-    """Measure the speed of the filter on this machine; CPU times, two to three minutes."""
+    """Measure the speed of the filter on this machine in CPU time; takes two to three minutes."""
     from runtime.studies.bench.measures import measures
 
     results = []

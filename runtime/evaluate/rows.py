@@ -41,7 +41,7 @@ def read_tum(path: Path) -> FloatArray:
             raise ConfigurationError(f"{path}:{number}: {expected}, got {line[:200]!r}") from error
         rows.append((t, x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))))
     if not rows:
-        raise ConfigurationError(f"{path} holds no pose; give a TUM file with one pose a line")
+        raise ConfigurationError(f"{path} holds no pose; give a TUM file with one pose per line")
     return np.array(rows)
 
 

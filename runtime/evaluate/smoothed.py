@@ -97,7 +97,7 @@ def read_smoothed(folder: RunFolder, estimates: RunFolder) -> SmoothedResult | N
     except (OSError, ValueError, ValidationError) as error:
         why = f"{type(error).__name__}"
         raise NotARunError(
-            f"{path} is no result of infant smooth ({why}); remove it, or smooth the run again"
+            f"{path} is not a result of infant smooth ({why}); remove it, or smooth the run again"
         ) from error
     return found if found.estimates == estimates.path.resolve().name else None
 

@@ -87,7 +87,9 @@ class DataSetTruth:
             return cls(pose_kind=kind, of_body=of_body, **floats)
         except (*UNREADABLE, KeyError, TypeError) as error:
             why = printable(str(error), 200)
-            raise NotARunError(f"the run's {ATTACHMENT} is no truth ({why}); import the data set again") from error
+            raise NotARunError(
+                f"the run's {ATTACHMENT} is not usable as truth ({why}); import the data set again"
+            ) from error
 
 
 def _arrays(data: bytes) -> dict[str, NDArray[Any]]:
@@ -97,6 +99,6 @@ def _arrays(data: bytes) -> dict[str, NDArray[Any]]:
             raise ValueError("it is packed as numpy does not")
         size = sum(each.file_size for each in archive.infolist())
         if size > LARGEST_BYTES:
-            raise ValueError(f"it would unpack to {size} bytes, {LARGEST_BYTES} are allowed")
+            raise ValueError(f"it would unpack to {size} bytes, more than the {LARGEST_BYTES} that are allowed")
     with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
         return {name: arrays[name] for name in arrays.files}

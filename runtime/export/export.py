@@ -87,7 +87,9 @@ def export_run(
         if not isinstance(error, OSError):
             raise
         where = error.filename or ", ".join(map(str, outputs.paths.values()))
-        raise StorageError(f"{where} cannot be written ({error.strerror}); nothing is left of the export") from error
+        raise StorageError(
+            f"{where} cannot be written ({error.strerror}); the incomplete export was removed"
+        ) from error
     progress(1.0)
     bag = forms.get("ros2")
     return {
@@ -139,7 +141,9 @@ def export_lines(summary: dict[str, Any]) -> list[str]:
     if summary["messages"]:
         lines.append("topics    " + ", ".join(f"{topic} {count}" for topic, count in summary["messages"].items()))
     if summary["stamps"] != "UTC":
-        lines.append("note      the recording does not tell the time of day: stamps are those of its own clock")
+        lines.append(
+            "note      the recording does not hold the time of day: its stamps are those of the recording clock"
+        )
     if summary["truncated"]:
         lines.append(f"note      {summary['truncated']}")
     return [*lines, f"ticks     {summary['ticks']} in {summary['seconds']:.1f} s"]

@@ -151,7 +151,7 @@ def _meta(path: Path, member: NDArray[Any] | None) -> dict[str, Any]:
         try:
             told = json.loads(text)
         except (ValueError, RecursionError) as error:
-            raise DataSetError(f"{place} is not valid JSON ({error}); mend it, or leave it out") from error
+            raise DataSetError(f"{place} is not valid JSON ({error}); correct it, or leave it out") from error
         if not isinstance(told, dict):
             raise DataSetError(f'{place} is {text[:40]!r}, expected a JSON object such as {{"name": "yard"}}')
         meta |= told

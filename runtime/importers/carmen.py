@@ -87,7 +87,7 @@ def _read(line: str, number: int, is_whole: bool, log: _Log) -> None:
         log.lines.append(_Line(number, words[0], carmen_lines.stamps_s(words), item))
     except (ValueError, IndexError) as error:
         if words[0] == "PARAM":
-            log.left_out.warnings.append(f"{log.place(number)}: {error}; the line is passed over")
+            log.left_out.warnings.append(f"{log.place(number)}: {error}; the line is ignored")
         else:
             reason = f"{words[0]} line cannot be read ({error})" if is_whole else "the log was cut off in this line"
             log.left_out.add(what, reason, log.place(number))
@@ -102,8 +102,8 @@ def _choose_laser(log: _Log) -> None:
     chosen = next(word for word in LASERS if 2 * counts[word] > most)
     others = " and ".join(f"{counts[word]} {word}" for word in LASERS if counts[word] and word != chosen)
     log.left_out.notes.append(
-        f"{counts[chosen]} {chosen} lines are read; {others} lines are not: a run has one laser (to read another, take "
-        f"the {chosen} lines out)"
+        f"{counts[chosen]} {chosen} lines are read, {others} lines are not: a run has one laser (to read "
+        f"another, remove the {chosen} lines)"
     )
     log.lines = [line for line in log.lines if line.word in ("ODOM", chosen)]
 
@@ -115,11 +115,12 @@ def _undo_corrections(log: _Log) -> None:
     log.lines = [replace(line, item=item) for line, item in zip(log.lines, items, strict=True) if item is not None]
     if is_undone:
         log.left_out.notes.append(
-            "GMapping wrote this log: its corrections are taken out of the odometry, and kept as the reference"
+            "GMapping wrote this log: its corrections are removed from the odometry, and kept as the reference"
         )
     else:
         log.left_out.warnings.append(
-            f"GMapping wrote {log.source.name} and left no odometry between the scans: corrected poses stand for it"
+            f"GMapping wrote {log.source.name} and left no odometry between the scans: corrected poses are "
+            "used in its place"
         )
 
 
@@ -128,8 +129,8 @@ def _archive(log: _Log) -> Archive:
     if not scans:
         first = log.left_out.first()
         raise DataSetError(
-            f"{log.source} holds no scan that can be used ({', '.join(LASERS)} lines)"
-            f"{f'; {first}' if first else ''}; nothing was written"
+            f"{log.source} holds no usable scan ({', '.join(LASERS)} lines){f'; {first}' if first else ''}; "
+            "nothing was written"
         )
     lines = [line for _, line in scans]
     beams = max(len(line.ranges_m) for line in lines)
@@ -149,8 +150,8 @@ def _archive(log: _Log) -> Archive:
     _name_odd_beams(log, Counter(len(line.ranges_m) for line in lines))
     if guessed := sum(carmen_lines.is_guessed(line, log.told) for line in lines):
         log.left_out.warnings.append(
-            f"{guessed} scans of {beams} beams are taken to span 180 deg, because the log does not say; where that is "
-            f"wrong, put the line 'PARAM {carmen_lines.FOV} RADIANS' at its head"
+            f"{guessed} scans of {beams} beams are taken to span 180 deg, because the log does not say; if "
+            f"that is wrong, add the line 'PARAM {carmen_lines.FOV} RADIANS' at the top"
         )
     return Archive(f"carmen {log.source.name}", log.source, arrays, _meta(log, lines, arrays), log.left_out)
 
@@ -225,8 +226,8 @@ def _times(log: _Log) -> LineTimes:
     for row, step_s in times.steps:
         where = "back" if step_s < 0.0 else "forward"
         log.left_out.warnings.append(
-            f"{log.place(log.lines[row].number)}: the clock of the log was set {where} by {abs(step_s):.1f} s; the "
-            "stamps from there on are moved so that time goes on"
+            f"{log.place(log.lines[row].number)}: the clock of the log was set {where} by {abs(step_s):.1f} "
+            "s; the stamps after it are shifted so that time goes on"
         )
     if times.lost:
         log.left_out.warnings.append(f"{log.source.name}: {times.lost}")

@@ -155,7 +155,7 @@ def configuration_path(archive: Archive) -> Path:
         model = motion_model(archive)
         nearest = f"its odometry is {FORMS[model]}, as in config/{NEAREST[model]}: give that, or a copy with its mount,"
     except DataSetError:
-        nearest = "the nearest is config/carmen.toml, made for any laser indoors: give that"
+        nearest = "the closest is config/carmen.toml, made for any laser indoors: give that"
     raise DataSetError(
         f"{archive.path}: no configuration known for {archive.name!r} in {CONFIG}; {nearest} with --config"
     )
@@ -166,9 +166,9 @@ def _check_motion_model(archive: Archive, configuration: Configuration, path: Pa
     model, wanted = motion_model(archive), configuration.vehicle.motion_model
     if model != wanted:
         raise DataSetError(
-            f"{archive.path}: its odometry is {FORMS[model]}, but vehicle.motion_model = {wanted!r} of {path} expects "
-            f"{FORMS[wanted]}; set it to {model!r}, with the geometry that this needs, or begin with "
-            f"config/{NEAREST[model]}"
+            f"{archive.path}: its odometry is {FORMS[model]}, but vehicle.motion_model = {wanted!r} of "
+            f"{path} expects {FORMS[wanted]}; set it to {model!r}, with the geometry that it needs, or "
+            f"start from config/{NEAREST[model]}"
         )
 
 
@@ -179,7 +179,7 @@ def _inputs(
     scans = seen(archive)
     first = next(scans, None)
     if first is None and archive.raw is None:
-        raise DataSetError(f"{archive.path} holds no scan that can be used; nothing was written")
+        raise DataSetError(f"{archive.path} holds no usable scan; nothing was written")
     seen_ns = sorted(archive.stamps_ns("obs_t" if "obs_t" in archive else "scan_t")) if first is not None else []
     if at_rest and seen_ns:
         if "odom_t" in archive:
@@ -193,8 +193,8 @@ def _inputs(
         wheels = []
         if seen_ns:
             archive.left_out.warnings.append(
-                "the capture is of the laser alone, so the estimator knows nothing of the motion; say --at-rest if it "
-                "stood still all the time"
+                "the capture comes from the laser alone, so the estimator knows nothing about the motion; "
+                "give --at-rest if it stood still all the time"
             )
     return itertools.chain(() if first is None else (first,), scans), wheels
 
@@ -204,8 +204,8 @@ def _check_overlap(archive: Archive, seen_ns: list[int], wheels: list[WheelSampl
     if seen_ns and len(wheels) > 1 and (wheels[-1].stamp_ns < seen_ns[0] or wheels[0].stamp_ns > seen_ns[-1]):
         times_s = [1e-9 * ns for ns in (seen_ns[0], seen_ns[-1], wheels[0].stamp_ns, wheels[-1].stamp_ns)]
         raise DataSetError(
-            "{}: what was seen spans {:.1f} to {:.1f} s and the odometry {:.1f} to {:.1f} s after the start; they "
-            "do not overlap, so both need stamps of one clock; nothing was written".format(archive.path, *times_s)
+            "{}: the scans span {:.1f} to {:.1f} s and the odometry {:.1f} to {:.1f} s after the start; "
+            "they do not overlap, so both need stamps of one clock; nothing was written".format(archive.path, *times_s)
         )
 
 
@@ -219,12 +219,12 @@ def _count_refused(archive: Archive, configuration: Configuration, wheels: list[
         "wheel_jumps": f"move faster than {vehicle.jump_speed_mps:.3g} m/s, 1.5 times vehicle.max_speed_mps = "
         f"{vehicle.max_speed_mps:g}; raise that key",
         "wheel_values": f"are faster than {vehicle.jump_speed_mps:.3g} m/s, 1.5 times vehicle.max_speed_mps = "
-        f"{vehicle.max_speed_mps:g}, or no values of a vehicle; raise that key if they are right",
+        f"{vehicle.max_speed_mps:g}, or are impossible for a vehicle; raise that key if they are right",
         "wheel_stamps": "have a stamp that is not later than the one before",
     }
     for kind, reason in reasons.items():
         if refused := odometry.refused[kind]:
-            text = f"{refused} of {len(wheels)} odometry samples will be refused by the estimator: they {reason}"
+            text = f"{refused} of {len(wheels)} odometry samples will be rejected by the estimator: they {reason}"
             told = archive.left_out.warnings if refused > MUCH * len(wheels) else archive.left_out.notes
             told.append(text)
 

@@ -37,14 +37,14 @@ def load(source: Path, topics: Topics, config: Path | None) -> Archive:
 
 def _load(source: Path, topics: Topics, config: Path | None) -> Archive:
     if not source.is_dir() and not source.is_file():
-        what = "is no file and no folder" if source.exists() else "does not exist"
+        what = "is neither a file nor a folder" if source.exists() else "does not exist"
         raise DataSetError(f"{source} {what}; give {SOURCES}")
     head = b"" if source.is_dir() else _head(source)
     if is_bag(source, head):
         return load_rosbag(source, head, topics)
     if topics != Topics():
         raise UsageError(
-            f"--scan-topic and --odom-topic choose a topic of a bag of ROS; {source} is none: leave them out"
+            f"--scan-topic and --odom-topic choose a topic of a ROS bag, which {source} is not: leave them out"
         )
     if source.is_dir() or source.suffix == ".npz" or head.startswith(ZIP):
         return load_archive(source)
@@ -58,8 +58,8 @@ def _load(source: Path, topics: Topics, config: Path | None) -> Archive:
         encoders = load_configuration(path).encoders
         if encoders is None:
             raise DataSetError(
-                f"{path} has no table [encoders] that says which frames of {source.name} are the wheels'; add it, or "
-                "begin with config/rover.toml"
+                f"{path} has no table [encoders] that says which frames of {source.name} belong to the "
+                "wheels; add it, or start from config/rover.toml"
             )
         return load_candump(source, encoders)
     raise DataSetError(f"{source} is none of the recordings that can be read: {SOURCES}; see docs/data_sets.md")

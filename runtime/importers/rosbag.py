@@ -61,11 +61,11 @@ def load_rosbag(source: Path, head: bytes, topics: Topics) -> Archive:
         )
     found = _gather(bag, scan_topic, odometry_topic, left_out)
     if bag.damage:
-        left_out.warnings.append(f"{source.name} is read as far as it goes: {bag.damage}")
+        left_out.warnings.append(f"{source.name} is read as far as possible: {bag.damage}")
     if not found.scans:
-        raise DataSetError(f"{source}: {scan_topic} holds no message that can be read; nothing was written")
+        raise DataSetError(f"{source}: {scan_topic} holds no readable message; nothing was written")
     if odometry_topic is None and found.bases:
-        left_out.notes.append(f"there is no topic of type {ODOMETRY_TYPE}; the motion of /tf is taken for the odometry")
+        left_out.notes.append(f"there is no topic of type {ODOMETRY_TYPE}; the motion in /tf is used as odometry")
         found.odometry = found.bases
     arrays, meta = _scans(found)
     meta["name"] = f"bag {source.stem}"
@@ -89,7 +89,7 @@ def _topic(source: Path, bag: Bag, type_name: str, named: str | None, left_out: 
         return candidates[0] if candidates else None
     if USUAL[type_name] in candidates:
         others = _some([topic for topic in candidates if topic != USUAL[type_name]])
-        left_out.notes.append(f"{USUAL[type_name]} is taken; {OPTIONS[type_name]} chooses another: {others}")
+        left_out.notes.append(f"{USUAL[type_name]} is used; {OPTIONS[type_name]} chooses another: {others}")
         return USUAL[type_name]
     raise DataSetError(
         f"{source} has {len(candidates)} topics of type {type_name}: {_some(candidates)}; choose one with "
@@ -221,14 +221,15 @@ def _mount(found: _Gathered, meta: dict[str, Any], left_out: LeftOut) -> None:
     if base_from_laser is None:
         if frame != found.base_frame:
             left_out.notes.append(
-                f"no transform leads from {found.base_frame or 'a base'} to {frame or 'the laser'}; set slam.mount if "
-                "the laser does not sit in the middle of the wheels' axle"
+                f"no transform leads from {found.base_frame or 'a base'} to {frame or 'the laser'}; set "
+                "slam.mount if the laser is not in the middle of the wheels' axle"
             )
         return
     up = float(base_from_laser[2, 2])
     if abs(up) < LEVEL:
         left_out.warnings.append(
-            f"{frame} is tilted by {math.degrees(math.acos(min(abs(up), 1.0))):.0f} deg; its scans are taken as level"
+            f"{frame} is tilted by {math.degrees(math.acos(min(abs(up), 1.0))):.0f} deg; its scans are used "
+            "as if it were level"
         )
     yaw_rad = math.atan2(base_from_laser[1, 0], base_from_laser[0, 0])
     place = zip(("laser_x", "laser_y", "laser_yaw"), (*base_from_laser[:2, 3].tolist(), yaw_rad), strict=True)

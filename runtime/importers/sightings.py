@@ -32,7 +32,7 @@ def no_return_m(archive: Archive) -> float:
     try:
         told_m = float(said.removeprefix(">=").strip().removesuffix("m"))
     except ValueError as error:
-        raise DataSetError(f"{archive.path}: meta.no_return = {said!r}, expected such as '>=80 m'") from error
+        raise DataSetError(f"{archive.path}: meta.no_return = {said!r}, expected something like '>=80 m'") from error
     return number(archive.path, "no_return", told_m, *WITHIN["range_max"])
 
 

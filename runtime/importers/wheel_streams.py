@@ -27,8 +27,8 @@ def motion_model(archive: Archive) -> str:
         if "scan_odom_pose" in archive and "scan_t" in archive:
             return "pose"
         raise DataSetError(
-            f"{archive.path} has no odometry (no array odom_t, no scan_odom_pose); the estimator needs wheels: say "
-            "--at-rest if the sensor stood still all the time; nothing was written"
+            f"{archive.path} has no odometry (no array odom_t, no scan_odom_pose); the estimator needs "
+            "wheels: give --at-rest if the sensor stood still all the time; nothing was written"
         )
     if "odom_v" in archive and "odom_steer" in archive:
         return "steered"

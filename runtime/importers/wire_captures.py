@@ -42,10 +42,10 @@ def load_scip(source: Path) -> Archive:
     for reason, count in capture.useless.items():
         left_out.add("scans", reason, source.name, count)
     if capture.torn:
-        left_out.notes.append(f"the last {capture.torn} bytes of {source.name} are no whole message")
+        left_out.notes.append(f"the last {capture.torn} bytes of {source.name} are an incomplete message")
     if capture.is_guessed and capture.parameters is not None:
         left_out.warnings.append(
-            f"{source.name} does not hold the laser's answer to PP; its steps are taken for those of a "
+            f"{source.name} does not hold the laser's answer to PP; its steps are assumed to be those of a "
             f"{capture.parameters.model}"
         )
     meta = {"name": f"scip {source.name}"}
@@ -127,12 +127,14 @@ def _frames(source: Path, settings: EncoderSettings, left_out: LeftOut) -> list[
     channels = Counter(channel for _, channel, _ in read)
     wanted = settings.bus.channel if settings.bus.channel in channels else channels.most_common(1)[0][0]
     if len(channels) > 1:
-        left_out.notes.append(f"{wanted} is taken of {', '.join(sorted(channels))}; encoders.bus.channel names the bus")
+        left_out.notes.append(
+            f"{wanted} is read, out of {', '.join(sorted(channels))}; encoders.bus.channel names the bus"
+        )
     clock = join_clock([seconds for seconds, _, _ in read])
     for row, step_s in clock.steps:
         left_out.warnings.append(
-            f"frame {row + 1}: the clock was set {'back' if step_s < 0.0 else 'forward'} by {abs(step_s):.1f} s; the "
-            "stamps from there on are moved so that time goes on"
+            f"frame {row + 1}: the clock was set {'back' if step_s < 0.0 else 'forward'} by "
+            f"{abs(step_s):.1f} s; the stamps after it are shifted so that time goes on"
         )
     left_out.add("frames", "the stamp lies far from its neighbours", source.name, int((~clock.good).sum()))
     order = [row for row in np.argsort(clock.stamps_s, kind="stable").tolist() if clock.good[row]]
@@ -147,9 +149,10 @@ def _report(source: Path, frames: list[CanFrame], pair: WheelPair, ids: tuple[in
             f"{number:03X}" for number, _ in Counter(frame.arbitration_id for frame in frames).most_common(IDS_SHOWN)
         ]
         left_out.warnings.append(
-            f"none of the {len(frames)} frames of {source.name} tells a wheel's count: the layout expects "
-            f"{', '.join(f'{number:03X}' for number in sorted(ids))}, most frequent are {', '.join(there)}; give the "
-            "configuration whose [encoders.layout] describes this bus with --config"
+            f"none of the {len(frames)} frames of {source.name} holds a wheel's count: the layout expects "
+            f"{', '.join(f'{number:03X}' for number in sorted(ids))}, the most frequent ids are "
+            f"{', '.join(there)}; give the configuration whose [encoders.layout] describes this bus with "
+            "--config"
         )
     left_out.used["frames"] = len(frames)
     for wheel in (pair.left, pair.right):

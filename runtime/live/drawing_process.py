@@ -88,9 +88,9 @@ class ReviewProcess:
         self._thread.join(WRITE_S + (RENEW_S if self._renewing else 0.0))
         if self._has_ended():
             if self._child.returncode and not self._trouble:
-                self._trouble = f"review.rrd is not whole ({self._last_words()}); infant review makes it again"
+                self._trouble = f"review.rrd is incomplete ({self._last_words()}); infant review draws it again"
         else:
-            self._trouble = "review.rrd was not finished in time; infant review makes it again"
+            self._trouble = "review.rrd was not finished in time; infant review draws it again"
             self._child.kill()
             self._child.wait()
         self._thread.join(WRITE_S)  # it ends with the child, and may have read the child's last words
@@ -156,7 +156,7 @@ class ReviewProcess:
 
     def _give_up(self, cause: str) -> None:
         """Nothing is drawn any more, and why."""
-        why = f"the drawing process has ended ({cause}); infant review makes the picture"
+        why = f"the drawing process has ended ({cause}); infant review draws the picture again"
         self._trouble = self._trouble or why  # close() knows better when it has ended the child itself
         self._dropped += 1 + self._forget_waiting()
 

@@ -131,5 +131,5 @@ class Loop:
         """Which stage of this tick kept the loop from the beats after it."""
         name, took_ns = slowest({ASLEEP: beat.lateness_ns, **self._stages.durations_ns()})
         next_seq = beat.seq + 1 + missed
-        reason = f"{missed} beat(s) before tick {next_seq} overslept: {name} took {took_ns * 1e-6:.0f} ms"
+        reason = f"{missed} beat(s) before tick {next_seq} missed: {name} took {took_ns * 1e-6:.0f} ms"
         return Event(beat.stamp_ns, "loop", "missed", reason, Severity.WARN)

@@ -122,4 +122,4 @@ def silence(summary: dict[str, Any], config: str) -> str:
     """One sentence where neither sensor sent anything usable in the whole run, else ""."""
     if summary["scans"] or summary["wheel_samples"]:
         return ""
-    return f"no sensor sent anything in the whole run; 'infant check --config {config} --live' shows what is wrong"
+    return f"no sensor sent anything during the whole run; 'infant check --config {config} --live' shows what is wrong"

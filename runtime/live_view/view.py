@@ -90,4 +90,4 @@ def _await(port: int, viewer: "subprocess.Popen[bytes]") -> None:
         with suppress(OSError), socket.create_connection((LOOPBACK, port), 1.0):
             return
         time.sleep(WAKE_S)
-    raise ConfigurationError("the viewer does not come up here; try --web, or infant page on the rover")
+    raise ConfigurationError("the viewer does not start here; try --web, or infant page on the rover")

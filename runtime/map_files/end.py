@@ -51,7 +51,7 @@ def end_in_map(joint: JointMap, start: RunStart, configuration: Configuration, f
     if start.localise_only:
         return facts
     if all(np.array_equal(array, joint.arrays[name]) for name, array in start.saved.joint.arrays.items()):
-        facts["trouble"] = "the run has added nothing to the map: its place in it was never recognised"
+        facts["trouble"] = "the run added nothing to the map: its place in the map was never recognised"
         return facts
     runs = (folder.path.resolve().name,)
     data = encode_map(joint, facts_of(configuration, runs, start.saved))
@@ -79,13 +79,13 @@ def sha256_of(path: Path) -> str | None:
 def end_lines(facts: dict[str, Any]) -> list[str]:
     """The same for a person."""
     same = facts["sha256_before"] == facts["sha256_after"]
-    state = "unaltered" if same else "CHANGED BY ANOTHER PROGRAM WHILE THE RUN WAS ON"
+    state = "unaltered" if same else "CHANGED BY ANOTHER PROGRAM DURING THE RUN"
     lines = [f"map       {facts['file']} is {state}: sha256 {facts['sha256_before'][:16]} before and after"]
     if not same:
         lines = [f"map       {facts['file']} was {state}"]
     if facts["successor"] is not None:
         grown = f"{facts['landmarks']} landmarks before, {facts['landmarks_after']} after"
-        lines.append(f"map       grown into {facts['successor']}: {grown}")
+        lines.append(f"map       extended into {facts['successor']}: {grown}")
     if facts["trouble"] is not None:
         lines.append(f"note      {facts['trouble']}")
     return lines

@@ -36,15 +36,16 @@ def suits(saved: SavedMap, name: str, configuration: Configuration) -> Fitness:
     notes = []
     if made.mount.upside_down != here.mount.upside_down:
         notes.append(
-            f"{name} was made with the laser {'upside down' if made.mount.upside_down else 'upright'}, here it is not; "
-            "that is right only where the laser has been turned since"
+            f"{name} was made with the laser {'upside down' if made.mount.upside_down else 'upright'}, "
+            "which it is not here; that is right only if the laser was turned over since then"
         )
     shift_m = math.hypot(made.mount.x_m - here.mount.x_m, made.mount.y_m - here.mount.y_m)
     turn_rad = abs(math.remainder(made.mount.yaw_rad - here.mount.yaw_rad, 2.0 * math.pi))
     if shift_m > SAME_MOUNT_M or turn_rad > SAME_MOUNT_RAD:
         notes.append(
-            f"{name} was made with another mount of the laser, {shift_m:.2f} m and {math.degrees(turn_rad):.1f} deg "
-            "from the one here; landmarks do not depend on it, if both are right"
+            f"{name} was made with another mount of the laser, {shift_m:.2f} m and "
+            f"{math.degrees(turn_rad):.1f} deg from the one here; landmarks do not depend on the mount if "
+            "both are right"
         )
     if made.front_end != here.front_end or made.view != here.view:
         differing = [
@@ -64,12 +65,12 @@ def findings(saved: SavedMap) -> list[str]:
     widest = np.sqrt(np.maximum(np.linalg.eigvalsh(landmarks.covariances_m2)[:, -1], 0.0))
     vague = int((widest > LARGEST_SIGMA_M).sum())
     if vague:
-        found.append(f"landmarks known to no better than {LARGEST_SIGMA_M:g} m: {vague}; a loop was never closed")
+        found.append(f"landmarks known no better than to {LARGEST_SIGMA_M:g} m: {vague}; a loop was never closed")
     if len(saved.joint.block_m2) and np.linalg.eigvalsh(saved.joint.block_m2)[0] < -1e-6:
-        found.append("the covariance of its landmarks is not positive: errors that it claims are impossible")
+        found.append("the covariance of its landmarks is not positive, which is impossible")
     twins = _twins(landmarks.means_m)
     if twins:
-        found.append(f"landmarks less than {TWINS_M:g} m apart, where one thing may be in it twice: {twins} pairs")
+        found.append(f"landmarks less than {TWINS_M:g} m apart, where one object may be stored twice: {twins} pairs")
     return found
 
 

@@ -94,14 +94,16 @@ def decode_map(data: bytes, name: str) -> SavedMap:
     if words[0] != MAGIC or not newline or len(words) != 3 or not all(word.isdigit() for word in words[1:]):
         if MAGIC.startswith(data[: len(MAGIC)]) or words[0] == MAGIC:
             raise NotAMapError(f"{name} is cut off or damaged in its first line; take another copy of the map")
-        raise NotAMapError(f"{name} is no map of infant; give a file that infant map save has written")
+        raise NotAMapError(f"{name} is not a map; give a file that infant map save wrote")
     version, size = int(words[1]), int(words[2])
     if len(data) < size:
         raise NotAMapError(f"{name} is cut off: it has {len(data)} of {size} bytes; take another copy of the map")
     if len(data) > size or hashlib.sha256(data[:-SHA_BYTES]).digest() != data[-SHA_BYTES:]:
-        raise NotAMapError(f"{name} is damaged: its sha256 is not the one it was written with; take another copy")
+        raise NotAMapError(f"{name} is damaged: its sha256 differs from the one it was written with; take another copy")
     if version != FORMAT:
-        raise NotAMapError(f"{name} has format {version}, this release reads {FORMAT}; use the release that wrote it")
+        raise NotAMapError(
+            f"{name} has format {version}, but this release reads {FORMAT}; use the release that wrote it"
+        )
     header_line, _, payload = data[len(line) + 1 : -SHA_BYTES].partition(b"\n")
     try:
         header = json.loads(header_line)
@@ -135,13 +137,13 @@ def _decode_joint(header: dict[str, Any], payload: bytes) -> JointMap:
         arrays[name] = np.frombuffer(payload, kind, count, offset).reshape(shape).copy()
         offset += arrays[name].nbytes
     if offset != len(payload) or arrays.keys() != SHAPES.keys():
-        raise ValueError("its arrays are not those that its header lists")
+        raise ValueError("its arrays differ from those that its header lists")
     joint = JointMap(**arrays, scans=int(header["scans"]))
     numbers = np.arange(len(joint))[:, None]
     if not ((joint.parents >= ORPHAN) & (joint.parents < numbers)).all():
-        raise ValueError("a landmark hangs on one that comes after it")
+        raise ValueError("a landmark refers to one that comes after it")
     if not all(np.isfinite(array).all() for array in arrays.values()):
         raise ValueError("a number in it is not finite")
     if len(np.unique(joint.identities)) != len(joint):
-        raise ValueError("two of its landmarks have one name")
+        raise ValueError("two of its landmarks have the same name")
     return joint

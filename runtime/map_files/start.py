@@ -47,11 +47,11 @@ class RunStart:
 
     def event(self, stamp_ns: int) -> Event:
         """That the run begins in a map, for its first tick."""
-        how = "it is not altered" if self.localise_only else "what the run adds goes into a map of its own"
+        how = "it is never altered" if self.localise_only else "what the run adds goes into a new map"
         where = "a place that it has yet to recognise"
         if self.pose is not None:
             where = "{:.2f} m, {:.2f} m, {:.3f} rad".format(*self.pose.as_array())
-        reason = f"the run begins in {self.path.name} ({len(self.saved.joint)} landmarks) at {where}; {how}"
+        reason = f"the run starts in {self.path.name} ({len(self.saved.joint)} landmarks) at {where}; {how}"
         return Event(stamp_ns, "map", "begun", reason)
 
     def keep_in(self, folder: RunFolder) -> None:
@@ -139,15 +139,17 @@ def recorded_start(header: RunHeader, folder: RunFolder) -> RunStart | None:
         data = read_bounded(path, LARGEST_MAP_BYTES)
     except OSError as error:
         raise NotAMapError(
-            f"{path} cannot be read ({error.strerror}); the run began in this map, and no replay can do without it"
+            f"{path} cannot be read ({error.strerror}); the run started in this map and cannot be replayed without it"
         ) from error
     if hashlib.sha256(data).hexdigest() != header.start.get("sha256"):
-        raise NotAMapError(f"{path} is not the map that the run began in; take another copy of the run")
+        raise NotAMapError(f"{path} is not the map in which the run started; take another copy of the run")
     try:
         return _from_metadata(header.start, data, path)
     except (KeyError, UsageError) as error:
         why = printable(str(error), 200)
-        raise NotAMapError(f"{folder.path} does not say how it began in its map ({why}); take another copy") from error
+        raise NotAMapError(
+            f"{folder.path} does not say how it started in its map ({why}); take another copy"
+        ) from error
 
 
 def origin_of(header: RunHeader, folder: RunFolder) -> MapOrigin | None:

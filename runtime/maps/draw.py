@@ -50,7 +50,7 @@ def draw_run(run: Path, out: Path | None, resolution_m: float | None, progress: 
     reader = with_estimates(RunReader(run))
     drawn = read_run(reader, resolution_m, progress)
     if resolution_m is not None and drawn.scans == 0:
-        raise UsageError(f"{run} holds no scans of a laser to make a grid of; leave out --grid to draw its landmarks")
+        raise UsageError(f"{run} holds no laser scans to make a grid from; leave out --grid to draw its landmarks")
     files: dict[str, str | bytes] = {}
     if drawn.grid is not None:
         files |= {"map.pgm": pgm(drawn.grid), "map.yaml": map_server_yaml(drawn.grid, "map.pgm")}
@@ -80,7 +80,7 @@ def draw_map(path: Path, out: Path | None, grid: bool) -> dict[str, Any]:
     saved, _ = read_map(path)
     if grid:
         raise UsageError(
-            f"{path} holds landmarks and no scans; draw the grid from the run that it was saved from: "
+            f"{path} holds landmarks but no scans; draw the grid from the run that it was saved from: "
             f"infant map draw RUN --grid (runs in it: {', '.join(saved.facts.runs)})"
         )
     landmarks = saved.joint.landmarks
@@ -170,7 +170,9 @@ def draw_lines(summary: dict[str, Any]) -> list[str]:
             f"{grid['free_m2']:.0f} m2 free, {grid['occupied_m2']:.0f} m2 occupied"
         )
     if summary["scans_lost"]:
-        lines.append(f"left out  {summary['scans_lost']} of {summary['scans']} scans, where the pose was lost")
+        lines.append(
+            f"left out  {summary['scans_lost']} of {summary['scans']} scans, from times when the pose was lost"
+        )
     if summary["truncated"]:
         lines.append(f"note      {summary['truncated']}")
     return [

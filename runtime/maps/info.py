@@ -63,8 +63,8 @@ def info_lines(facts: dict[str, Any]) -> list[str]:
     (low_x, low_y), (high_x, high_y) = facts["low_m"], facts["high_m"]
     lines = [
         f"map       {facts['map']}  {facts['bytes'] / 1e3:.0f} kB  {facts['created_utc']}  rover {facts['rover']}",
-        f"landmarks {facts['landmarks']}, sigma {facts['sigma_m']['median']:g} m in the middle and "
-        f"{facts['sigma_m']['max']:g} m at most",
+        f"landmarks {facts['landmarks']}, sigma {facts['sigma_m']['median']:g} m (median), "
+        f"{facts['sigma_m']['max']:g} m (largest)",
         f"extent    x {low_x:g} to {high_x:g} m, y {low_y:g} to {high_y:g} m in the frame {facts['frame']}",
         f"runs      {', '.join(facts['runs'])}",
         f"sha256    {facts['sha256']}",
@@ -79,6 +79,6 @@ def info_lines(facts: dict[str, Any]) -> list[str]:
 
 def check_lines(result: dict[str, Any]) -> list[str]:
     """The check for a person."""
-    lines = [f"whole     {result['map']}: {result['landmarks']} landmarks, sha256 {result['sha256']}"]
+    lines = [f"intact    {result['map']}: {result['landmarks']} landmarks, sha256 {result['sha256']}"]
     lines += [f"finding   {sentence}" for sentence in result["findings"]]
     return lines + [f"differs   {sentence}" for sentence in result["differences"]]

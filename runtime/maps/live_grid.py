@@ -60,7 +60,7 @@ class LiveGrid:
             else:
                 self.add_scan(message)
         except (ValueError, IndexError, ArithmeticError) as error:
-            self.troubles.setdefault(name, f"a {name} that no rover sends is passed over: {printable(str(error), 200)}")
+            self.troubles.setdefault(name, f"a {name} that no rover sends is ignored: {printable(str(error), 200)}")
 
     def add_pose(self, message: Any) -> None:
         """geometry_msgs/PoseWithCovarianceStamped."""
@@ -93,7 +93,7 @@ class LiveGrid:
         try:
             self.grid.add(map_from_laser.as_array()[:2], points, np.ones(len(points), dtype=np.bool_))
         except MemoryError as error:
-            text = f"the grid would have {error}: scans that reach so far are left out; give a coarser --resolution"
+            text = f"the grid would have {error}: scans that reach so far are ignored; give a coarser --resolution"
             self.troubles.setdefault("size", text)
             return False
         return True

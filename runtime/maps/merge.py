@@ -30,7 +30,8 @@ def merge_files(first: Path, second: Path, out: Path) -> dict[str, Any]:
     if merged.joint is None:
         raise UsageError(
             f"no place of {second} is recognised in {first}: at best {len(found.known)} landmarks fit, odds "
-            f"{max(found.odds, -99.0):.0f} where {ODDS:.0f} are needed; drive from one to the other in --map {first}"
+            f"{max(found.odds, -99.0):.0f} where {ODDS:.0f} are needed; drive from one to the other with "
+            f"--map {first}"
         )
     facts = facts_of(configuration, other.facts.runs, into)
     data = encode_map(merged.joint, facts)
@@ -53,6 +54,6 @@ def merge_lines(summary: dict[str, Any]) -> list[str]:
     lines = [
         f"map       {summary['out']}  {both} landmarks, of {first} and {second}",
         f"place     {summary['matches']} landmarks are the same; odds {summary['odds']:g}, by chance "
-        f"{summary['mirror_odds']:g}; wrong with a probability of {summary['probability_wrong']:g} at most",
+        f"{summary['mirror_odds']:g}; wrong with a probability of at most {summary['probability_wrong']:g}",
     ]
     return lines + [f"note      {note}" for note in summary["notes"]]

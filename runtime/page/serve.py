@@ -44,8 +44,8 @@ def serve_page(options: ServeOptions, stop: threading.Event, said: TextIO) -> di
         from runtime.page.server import PageOptions, page_app
     if options.commands and not _is_loopback(options.host):
         raise UsageError(
-            f"--commands with --host {options.host}: whoever reaches the page could stop the recording; leave out "
-            "--host and reach it through ssh -L, or leave out --commands"
+            f"--commands with --host {options.host}: anyone who reaches the page could stop the recording; "
+            "leave out --host and use ssh -L, or leave out --commands"
         )
     listening = bound_socket(options.host, options.port)
     rover = find_rover(options.connect, options.rover, options.config_file)
@@ -74,7 +74,7 @@ def serve_page(options: ServeOptions, stop: threading.Event, said: TextIO) -> di
     hub.start()
     threading.Thread(target=_end_with, args=(stop, server), daemon=True).start()
     url = f"http://{_in_url(options.host)}:{port}/"
-    said.write(f"infant: {rover.name} is shown at {url}\n")
+    said.write(f"infant: {rover.name} is served at {url}\n")
     said.flush()
     try:
         with listening:
@@ -90,7 +90,7 @@ def bound_socket(host: str, port: int) -> socket.socket:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         made = socket.socket(family, kind, protocol)
     except (OSError, UnicodeError) as error:
-        raise SensorError(f"--host {host!r} is no address ({error}); give one of this machine") from error
+        raise SensorError(f"--host {host!r} is not an address ({error}); give one of this machine") from error
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         made.bind(address)
@@ -100,7 +100,7 @@ def bound_socket(host: str, port: int) -> socket.socket:
         if code == errno.EADDRINUSE:
             raise SensorError(f"port {port} is in use at {host}; give another with --port") from error
         if code == errno.EADDRNOTAVAIL:
-            raise SensorError(f"{host} is no address of this machine; ip address shows them") from error
+            raise SensorError(f"{host} is not an address of this machine; ip address shows them") from error
         raise SensorError(f"{host}:{port} cannot be used ({error}); give another --host or --port") from error
     return made
 

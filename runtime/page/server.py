@@ -84,9 +84,9 @@ class Guard:
         host = request.headers.get("host", "").rpartition(":")[0] or request.headers.get("host", "")
         refusal: Response | None = None
         if host not in self._hosts:
-            refusal = PlainTextResponse("this page is not asked under that name\n", 421)
+            refusal = PlainTextResponse("this page is not served under that name\n", 421)
         elif not self._allowance(request).take(time.monotonic_ns()):
-            refusal = PlainTextResponse("too many questions; ask again in a second\n", 429)
+            refusal = PlainTextResponse("too many requests; try again in a second\n", 429)
 
         async def with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -142,7 +142,7 @@ async def _allowed(options: PageOptions, _request: Request) -> Response:
 async def _command(send: Commander, request: Request) -> Response:
     """Mark or stop, as the rover's own access rules allow."""
     if request.headers.get(ASKED_BY_PAGE) != "1":
-        return PlainTextResponse("only the page itself may ask\n", 403)
+        return PlainTextResponse("only the page itself may send commands\n", 403)
     body = b""
     async for part in request.stream():
         body += part
@@ -154,7 +154,7 @@ async def _command(send: Commander, request: Request) -> Response:
     except (ValueError, KeyError, TypeError, RecursionError):
         return PlainTextResponse("expected a command and a reason\n", 400)
     if command not in (Command.MARK, Command.STOP):
-        return PlainTextResponse("only mark and stop are asked from here\n", 403)
+        return PlainTextResponse("only mark and stop can be sent from here\n", 403)
     try:
         answer = await run_in_threadpool(send, command, reason)
     except InfantError as error:

@@ -49,19 +49,19 @@ def command_trouble(config: zenoh.Config, rover: str) -> str:
     """Why the access rules of a configuration cannot guard the commands of a rover, "" where they can."""
     access = json.loads(config.get_json("access_control"))
     if not access["enabled"]:
-        return "access_control is not enabled, so that everyone commands"
+        return "access_control is not enabled, so everyone may send commands"
     if access["default_permission"] != "deny":
-        return "access_control.default_permission is allow, so that everyone commands whom no rule denies it"
+        return "access_control.default_permission is allow, so everyone whom no rule denies it may send commands"
     commanding = {rule["id"] for rule in access["rules"] or () if _lets_command(rule, rover)}
     policies = [policy for policy in access["policies"] or () if commanding & set(policy["rules"])]
     named = {subject for policy in policies for subject in policy["subjects"]}
     subjects = [subject for subject in access["subjects"] or () if subject["id"] in named]
     if not subjects:
-        return f"no rule of access_control lets anyone ask infant/{rover}/command/*, so that nobody commands"
+        return f"no rule of access_control lets anyone query infant/{rover}/command/*, so nobody may send commands"
     for subject in subjects:
         is_here = subject.get("interfaces") == [LOOPBACK]
         if not is_here and not any(any(subject.get(kind) or ()) for kind in IDENTITIES):
-            return f"the subject {subject['id']!r} has neither certificate nor user name, so that everyone commands"
+            return f"the subject {subject['id']!r} has neither certificate nor user name, so everyone may send commands"
     return ""
 
 

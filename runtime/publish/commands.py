@@ -64,7 +64,7 @@ def send_command(
 
 def no_answer(rover: str, key: str) -> str:
     """What is said where nobody answers a command."""
-    return f"{rover} does not answer {key}; is it up, publish.commands on, and an access rule there?"
+    return f"{rover} does not answer {key}; is it running, is publish.commands on, and does an access rule allow it?"
 
 
 def answer_of(payload: zenoh.ZBytes) -> Answer | None:

@@ -79,21 +79,21 @@ def believed(key: str, payload: bytes) -> dict[str, Any]:
     """The status in an answer, its texts printable and cut. Raises ValueError with a sentence where it is none."""
     match = KEY.fullmatch(key)
     if match is None:
-        raise ValueError(f"{printable(key, 100)} is no rover's status")
+        raise ValueError(f"{printable(key, 100)} is not the status of a rover")
     if len(payload) > LARGEST_BYTES:
-        raise ValueError(f"{key} says {len(payload)} bytes, a status has at most {LARGEST_BYTES}")
+        raise ValueError(f"{key} holds {len(payload)} bytes, a status has at most {LARGEST_BYTES}")
     try:
         status = RoverStatus.model_validate_json(payload)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         where = ".".join(map(str, first["loc"])) or "its text"
         why = printable(f"{where}: {first['msg']}", 200)
-        raise ValueError(f"{key} says no status: {why}") from error
+        raise ValueError(f"{key} holds no status: {why}") from error
     if status.rover != match[1]:
-        raise ValueError(f"{key} speaks in the name of {printable(status.rover)}")
+        raise ValueError(f"{key} claims to be {printable(status.rover)}")
     of_a_tick = (status.seq, status.sigma, status.lateness_ms, status.landmarks)
     if any((each is None) != (status.pose is None) for each in of_a_tick):
-        raise ValueError(f"{key} says half a pose")
+        raise ValueError(f"{key} holds half a pose")
     cleaned: dict[str, Any] = _printable(status.model_dump())
     return cleaned
 

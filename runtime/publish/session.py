@@ -31,8 +31,8 @@ def rover_config(settings: PublishSettings, rover: str, listen: Sequence[str]) -
     config = _from_file("publish.config_file", named) if named is not None else _silent(zenoh.Config())
     if settings.commands and (trouble := command_trouble(config, rover)):
         raise ConfigurationError(
-            f"publish.commands = True: {trouble}; mend {settings.config_file} after config/zenoh-rover.json5, or leave "
-            "commands off"
+            f"publish.commands = True: {trouble}; correct {settings.config_file} as in "
+            "config/zenoh-rover.json5, or leave commands off"
         )
     bound(config)
     config.insert_json5("mode", '"peer"')
@@ -115,11 +115,11 @@ def _from_file(key: str, path: str) -> zenoh.Config:
         why = "no such file" if isinstance(error, FileNotFoundError) else error
         raise ConfigurationError(f"{key} = {path!r}: {why}; give a zenoh configuration in JSON5") from error
     if _depth(text) > DEEPEST:
-        raise ConfigurationError(f"{key} = {path!r}: more than {DEEPEST} brackets in each other; mend the file")
+        raise ConfigurationError(f"{key} = {path!r}: more than {DEEPEST} nested brackets; correct the file")
     try:
         return _silent(zenoh.Config.from_file(path))
     except zenoh.ZError as error:
-        raise ConfigurationError(f"{key} = {path!r}: {short_reason(error)}; mend the file") from error
+        raise ConfigurationError(f"{key} = {path!r}: {short_reason(error)}; correct the file") from error
 
 
 def _depth(text: bytes) -> int:

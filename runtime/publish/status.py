@@ -177,5 +177,7 @@ def namesake_trouble(rover: str, endpoints: Sequence[str], config_file: str | No
     others = [status for status in fetch_status(endpoints, ASK_S, config_file) if status["rover"] == rover]
     if not others:
         return ""
-    hosts = ", ".join(sorted({status["host"] or "a host that does not tell its name" for status in others}))
-    return f"another rover is called {rover}, on {hosts}: what both say is mixed; give each its own name, rover = ..."
+    hosts = ", ".join(sorted({status["host"] or "a host that gives no name" for status in others}))
+    return (
+        f"another rover is called {rover}, on {hosts}: their messages are mixed up; give each its own name, rover = ..."
+    )

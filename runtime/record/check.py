@@ -97,7 +97,7 @@ def alterations(folder: RunFolder, manifest: Manifest) -> list[str]:
     for path in folder.segment_paths():
         facts = segments.get(path.name)
         if facts is not None and _sha256(path) != (facts["sha256"], facts["bytes"]):
-            found.append(f"{path.name} is not what was closed: its hash in {manifest.path.name} differs")
+            found.append(f"{path.name} is not as it was when it was closed: its hash in {manifest.path.name} differs")
         elif facts is None and manifest.lines and (path.name != "run.mcap" or _has_end(path)):
             found.append(f"{path.name} was not closed: it is not in {manifest.path.name}")
     return found
@@ -138,7 +138,7 @@ def _take_along_start_map(folder: RunFolder, out: RunFolder) -> list[str]:
     except FileNotFoundError:
         return []  # it began without one
     except OSError as error:
-        return [f"{folder.start_map_path.name} cannot be read ({error.strerror}): no replay can begin in it"]
+        return [f"{folder.start_map_path.name} cannot be read ({error.strerror}): no replay can start in it"]
     return []
 
 

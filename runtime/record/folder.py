@@ -42,13 +42,17 @@ class RunFolder:
             occupied = any(path.iterdir())
             path.chmod(path.stat().st_mode)  # a file system mounted read-only says so here and not a minute later
         except ValueError as error:
-            raise StorageError(f"{printable(str(path))} is no name of a folder ({error}); give another") from error
+            raise StorageError(f"{printable(str(path))} is not a name for a folder ({error}); give another") from error
         except (FileExistsError, NotADirectoryError) as error:
             raise RunExistsError(f"{path} is a file; give the name of a new folder with --out") from error
         except OSError as error:
-            raise StorageError(f"{path} cannot be made ({error.strerror}); give another folder with --out") from error
+            raise StorageError(
+                f"{path} cannot be created ({error.strerror}); give another folder with --out"
+            ) from error
         if occupied:
-            raise RunExistsError(f"{path} exists and is not empty; runs are never overwritten, give another --out")
+            raise RunExistsError(
+                f"{path} exists and is not empty; runs are never overwritten, give another name with --out"
+            )
         return cls(path)
 
     @contextmanager
@@ -68,7 +72,7 @@ class RunFolder:
             raise NotARunError(f"{path} does not exist; give the folder of a run")
         found = cls(folder)
         if not found.segment_paths():
-            raise NotARunError(f"{path} is no run: it has no run.mcap; give the folder of a run")
+            raise NotARunError(f"{path} is not a run: it has no run.mcap; give the folder of a run")
         return found
 
     @property

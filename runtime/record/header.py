@@ -114,7 +114,7 @@ class RunHeader:
         if facts is None:
             raise ValueError("it has no header of infant")
         if facts.get("format") != FORMAT:
-            raise ValueError(f"its format is {facts.get('format')}, this release reads {FORMAT}")
+            raise ValueError(f"its format is {facts.get('format')}, but this release reads {FORMAT}")
         text = facts["configuration"]
         segment_number(metadata)
         if hashlib.sha256(text.encode()).hexdigest() != facts["configuration_sha256"]:

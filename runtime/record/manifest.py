@@ -64,7 +64,7 @@ class Manifest:
         for number, line in enumerate(content.split(b"\n")[:-1], 1):
             try:
                 if len(line) > LONGEST_LINE:
-                    raise ValueError(f"a line of {len(line)} bytes, {LONGEST_LINE} are allowed")
+                    raise ValueError(f"a line of {len(line)} bytes, more than the {LONGEST_LINE} that are allowed")
                 facts = json.loads(line)
                 stated = facts.pop("chain")
                 if stated != manifest._chain(facts):
@@ -73,7 +73,7 @@ class Manifest:
                 _check_types(facts)
                 manifest.foreign = False
             except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-                manifest.damage = f"{path.name} cannot be believed from line {number} on ({error})"
+                manifest.damage = f"{path.name} cannot be trusted from line {number} on ({error})"
                 return manifest
             manifest.lines.append({**facts, "chain": stated})
         if not content.endswith(b"\n") or not manifest.lines:

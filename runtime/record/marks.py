@@ -40,7 +40,7 @@ def leave_mark(folder: RunFolder, reason: str, within_s: float = 3.0) -> bool:
     """
     reason = printable(reason.strip(), LONGEST_FILE)
     if not reason or len(reason) > LONGEST_REASON:
-        raise UsageError(f"reason: expected 1 to {LONGEST_REASON} characters, got {len(reason)}; say what was seen")
+        raise UsageError(f"reason: expected 1 to {LONGEST_REASON} characters, got {len(reason)}; say what you saw")
     try:
         if not is_being_written(folder.mcap_path):
             return _mark_ended(folder, reason)
@@ -49,7 +49,7 @@ def leave_mark(folder: RunFolder, reason: str, within_s: float = 3.0) -> bool:
         path = folder.marks_path / f"{uuid4().hex}.txt"
         atomic_write(path, reason)
     except OSError as error:
-        raise StorageError(f"{folder.path} cannot be marked ({error.strerror}); it needs the right to write") from error
+        raise StorageError(f"{folder.path} cannot be marked ({error.strerror}); you need write permission") from error
     pause = threading.Event()
     for _ in range(round(within_s / POLL_S)):
         if not path.exists():

@@ -60,7 +60,7 @@ class RecordFile:
             with acting_as_owner(path.parent):
                 self._descriptor = os.open(path, NEW_FILE_FLAGS, 0o644)
         except OSError as error:
-            raise StorageError(f"{path} cannot be made ({error.strerror}); check the folder") from error
+            raise StorageError(f"{path} cannot be created ({error.strerror}); check the folder") from error
         fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # how others see that it is being written
         self.path = path
         self._digest = hashlib.sha256()
@@ -200,7 +200,7 @@ class RunWriter:
         try:
             self._file.sync()
         except OSError as error:
-            raise StorageError(f"{self._file.path}: {error.strerror}; the run is not whole") from error
+            raise StorageError(f"{self._file.path}: {error.strerror}; the run is incomplete") from error
         finally:
             self._file.close()
 
@@ -209,4 +209,4 @@ class RunWriter:
             self._file.write()
         except OSError as error:
             path, why = self._file.path, error.strerror
-            raise StorageError(f"{path} cannot be written ({why}); free space and repeat") from error
+            raise StorageError(f"{path} cannot be written ({why}); free space and try again") from error

@@ -113,7 +113,9 @@ class McapPrefix:
             if opcode == 0 or (length > LARGEST_RECORD_BYTES and length > self.size):
                 raise DamageError(self.offset, "no record begins")
             if length > LARGEST_RECORD_BYTES:
-                raise self._foreign(f"a record of {length} bytes, {LARGEST_RECORD_BYTES} are allowed")
+                raise self._foreign(
+                    f"a record of {length} bytes, more than the {LARGEST_RECORD_BYTES} that are allowed"
+                )
             body = stream.read(length)
             if len(body) < length:
                 raise self._cut_off("the last record is torn")
@@ -143,10 +145,10 @@ class McapPrefix:
         name, values = _metadata(body)
         if name == CHECKPOINT:
             if values != checkpoint(crc_before):
-                raise ValueError("a byte before this checkpoint is not what was written")
+                raise ValueError("a byte before this checkpoint differs from what was written")
             self._head_is_sure = True
         elif self._head_is_sure:
-            raise ValueError("metadata where only a checkpoint can stand")
+            raise ValueError("metadata where only a checkpoint can be")
         else:
             self._keep(METADATA_WEIGHT * len(body))
             self.metadata[name] = values
@@ -201,7 +203,7 @@ class McapPrefix:
         topic, position = _text(data, position + 4)
         encoding, _ = _text(data, position)
         if max(len(topic), len(encoding)) > LONGEST_TOPIC:
-            raise ForeignError(f"a topic of {len(topic)} characters, {LONGEST_TOPIC} are allowed")
+            raise ForeignError(f"a topic of {len(topic)} characters, more than the {LONGEST_TOPIC} that are allowed")
         self._topics[channel] = topic
         self.channels[topic] = Channel(encoding, *self._schemas.get(schema, ("", "", b"")))
 
@@ -220,7 +222,7 @@ def _chunk_data(body: bytes) -> bytes:
     compression, position = _text(body, CHUNK_HEAD.size)
     packed = body[position + 8 :]
     if compression != "zstd":
-        raise ValueError(f"compression {compression!r} is not what this project writes")
+        raise ValueError(f"compression {compression!r} is not used by this project")
     if size > min(LARGEST_RECORD_BYTES, max(SMALL_CHUNK_BYTES, LARGEST_PACKING * len(packed))):
         raise ForeignError(f"a chunk of {len(packed)} bytes that would unpack to {size}")
     if zstandard.get_frame_parameters(packed).content_size != size:

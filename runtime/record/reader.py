@@ -145,7 +145,7 @@ class RunReader:
         what = self._paths[0] if len(self._paths) == 1 else self.folder.path
         more = len(self._losses) - LOSSES_SHOWN
         why = "; ".join(self._losses[:LOSSES_SHOWN]) + (f"; and {more} more, see infant log verify" if more > 0 else "")
-        return f"{what} is not whole ({why}): {self._ticks} whole ticks can be read, {until}"
+        return f"{what} is incomplete ({why}): {self._ticks} whole ticks can be read, {until}"
 
     def records(self) -> Iterator[Record]:
         """Every message of the run in the order of writing, with a gap where something is missing between segments."""
@@ -178,7 +178,7 @@ class RunReader:
         closed = manifest.segments
         missing = closed.keys() - manifest.removed.keys() - {path.name for path in self._paths}
         last = [name for name in sorted(missing) if closed[name]["number"] >= expected]
-        self._losses += [f"{name} is gone: nobody knows why" for name in last]
+        self._losses += [f"{name} is missing for an unknown reason" for name in last]
         if not last and self._paths[-1].name != "run.mcap" and not self._losses:
             self._losses.append(f"the recording was cut off after {self._paths[-1].name}")
             self.cut_off = True
@@ -212,9 +212,9 @@ class RunReader:
         """Say which segments before `number` are gone, those of one reason together; returns ticks without a gap."""
         removed, known_ticks, ticks = manifest.removed, manifest.ticks, 0
         names = [RunFolder.closed_name(absent) for absent in range(expected, number)]
-        for reason, group in groupby(names, lambda name: removed.get(name, "nobody knows why")):
+        for reason, group in groupby(names, lambda name: removed.get(name, "unknown reason")):
             gone = list(group)
-            what = f"{gone[0]} is gone" if len(gone) == 1 else f"{gone[0]} to {gone[-1]} are gone"
+            what = f"{gone[0]} is missing" if len(gone) == 1 else f"{gone[0]} to {gone[-1]} are missing"
             self._losses.append(f"{what}: {printable(reason)}")
             self.known_losses += self._losses[-1:] if gone[0] in removed else []
             # the segment after a lost one begins with that gap

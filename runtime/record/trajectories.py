@@ -37,8 +37,8 @@ def with_estimates(run: RunReader) -> RunReader:
     path, newest = run.folder.path, run.folder.newest_replay()
     if newest is None:
         raise UsageError(
-            f"{path} was imported and has no estimates yet; make them with: infant replay {path} "
-            "(or give the folder that a replay was written to with --out)"
+            f"{path} was imported and has no estimates yet; create them with: infant replay {path} (or give "
+            "the folder that a replay was written to with --out)"
         )
     return RunReader(newest.path)
 

@@ -46,7 +46,7 @@ def build_report(run: Path, out: Path | None = None) -> dict[str, Any]:
         try:
             atomic_write(path, text)
         except OSError as error:
-            raise StorageError(f"{path} cannot be written ({error.strerror}); give another with --out") from error
+            raise StorageError(f"{path} cannot be written ({error.strerror}); give another name with --out") from error
     return {**examined.figures, "files": {"html": str(html), "json": str(data)}}
 
 

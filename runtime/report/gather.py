@@ -50,7 +50,9 @@ def gather(run: Path) -> RunFacts:
     if not pass_.rows:
         if not pass_.ticks:
             why = f": {reader.truncated}" if reader.truncated else ""
-            raise UsageError(f"{reader.folder.path} holds not one whole tick, so there is nothing to review{why}")
+            raise UsageError(
+                f"{reader.folder.path} holds not a single complete tick, so there is nothing to review{why}"
+            )
         raise UsageError(f"{reader.folder.path} holds no estimates; replay it first: infant replay {run}")
     clock = DeviceClockReader()
     for record in reader.records():

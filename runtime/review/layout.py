@@ -70,18 +70,18 @@ LEGEND = """\
 |---|---|
 | blue line | SLAM: the published pose |
 | orange line | odometry alone |
-| green line or points | truth, where it is known; of a data set: brought onto the map by the best rigid motion |
+| green line or points | truth, where it is known; for a data set: fitted to the map by the best rigid motion |
 | white points | laser, kept |
 | red points | laser, rejected: moved between scans |
 | grey points | laser, nothing to compare with |
-| dark grey points | laser, kept, of once a second until now: walls that stay thin are a map that holds |
+| dark grey points | laser, kept, once a second until now: walls that stay thin mean that the map holds |
 | violet points | particles |
-| yellow points | landmarks; brown where existence is doubted |
+| yellow points | landmarks; brown if their existence is doubted |
 | discs | covariances, {sigmas:g} sigma |
 | green spokes | a feature matched to its landmark |
 | curves of age | laser white, wheels orange |
-| curves of innovation | seen minus expected, of ranges and of bearings: mean blue, RMS grey |
-| curve of the laser's clock | host minus laser since the start: a slope is drift, 1 ms in 10 s are 100 ppm |
+| curves of innovation | seen minus expected, of ranges and bearings: mean blue, RMS grey |
+| curve of the laser's clock | host minus laser since the start: a slope is drift, 1 ms in 10 s is 100 ppm |
 | labelled points | a feature that is new, or the technique that refused to use it |
 
 {facts}

@@ -66,7 +66,7 @@ class TickAssembler:
         try:
             tick = decode_tick(record.data, self._ranges_m)
         except ValueError:
-            reason = "a tick is not drawn: its scan was lost on the way to the drawing; infant review draws it"
+            reason = "a tick is not drawn: its scan was lost on the way to the drawing process; infant review draws it"
             self._losses.append(Event(record.stamp_ns, "review", "incomplete", reason, Severity.WARN))
             self._current = None
         else:

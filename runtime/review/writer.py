@@ -124,7 +124,7 @@ class ReviewWriter:
             else:  # the footer's manifest of all chunks stays in memory until the file is closed: 3 MB a minute
                 recording.save(self._path, layout(self._state.extent, True), write_footer=True)
         except (RuntimeError, OSError) as error:
-            raise StorageError(f"{self._path} cannot be written ({error}); give a folder that can") from error
+            raise StorageError(f"{self._path} cannot be written ({error}); give a writable folder") from error
         recording.send_recording_name(self._name or "run")
         draw_static(recording, self._facts, SIGMAS, self._body_from_laser)
         draw_end_styles(recording)
@@ -144,7 +144,7 @@ class ReviewWriter:
         try:
             self._recording.flush(timeout_sec=FLUSH_S)  # the only call that tells of a disk that refused
         except RuntimeError as error:
-            raise StorageError(f"{self._path} is not whole ({error}); free space and make it again") from error
+            raise StorageError(f"{self._path} is incomplete ({error}); free space and draw it again") from error
         finally:
             self._recording.disconnect()
 

@@ -70,5 +70,5 @@ class WatchdogFeed:
         elif not self._reported:
             self._reported = stuck
             with contextlib.suppress(OSError, ValueError):  # nobody may read it any more
-                self._stream.write(f"infant: {stuck}; the watchdog is not fed any more and will restart the service\n")
+                self._stream.write(f"infant: {stuck}; the watchdog is no longer fed and will restart the service\n")
                 self._stream.flush()

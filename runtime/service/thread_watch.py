@@ -95,7 +95,7 @@ class Failures:
         what, at_ns = self._last
         if not what or self._now_ns() - at_ns > TOLD_NS:
             return ""
-        return f"the thread {self._thread} failed and was begun again ({self._count} so far): {what}"
+        return f"the thread {self._thread} failed and was restarted ({self._count} so far): {what}"
 
 
 def _hangs(thread: str, silent_ns: int) -> str:

@@ -4,7 +4,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class DataSetSettings(BaseModel):
-    """Applied while importing, where stamps enter: a run that exists already keeps the stamps that it has."""
+    """Applied during import, where stamps enter: a run that exists already keeps its stamps."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -12,6 +12,6 @@ class DataSetSettings(BaseModel):
         default=0.0,
         ge=-1.0,
         le=1.0,
-        description="s by which the set stamps scans later than it measured them, relative to its wheels; the importer "
-        "takes it off. Found by `infant calibrate`, never tuned on a score",
+        description="How much later the data set stamps its scans than they were measured, relative to its wheels; "
+        "the import subtracts it. Found by `infant calibrate`, never tuned on a score",
     )

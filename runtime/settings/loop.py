@@ -4,7 +4,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class LoopSettings(BaseModel):
-    """The fixed grid and the privileges of its thread."""
+    """The rate of the loop and the priority of its thread."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -12,13 +12,13 @@ class LoopSettings(BaseModel):
         10.0,
         gt=0.0,
         le=100.0,
-        description="beats per second. The laser's own rate: a faster loop steps without a scan, a slower one "
-        "leaves scans out",
+        description="Beats of the loop per second. Use the laser's own rate: a faster loop steps without a scan, a "
+        "slower one skips scans",
     )
     priority: int = Field(
         50,
         ge=0,
         le=99,
-        description="SCHED_FIFO priority of the loop's thread; 0 asks for none. Below that of the drivers' "
-        "interrupts (50 in the kernel); 0 where the process may not have one",
+        description="SCHED_FIFO priority of the loop's thread; 0 requests none. Keep it at or below that of the "
+        "kernel's interrupt threads (50), and set 0 if the process may not have a priority",
     )

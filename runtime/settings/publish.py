@@ -9,55 +9,60 @@ Endpoint = Annotated[str, Field(pattern=r"^(tcp|udp|tls|quic|ws)/\S+:\d{1,5}(#\S
 
 
 class PublishSettings(BaseModel):
-    """Where the rover is reached and how much it says. Nothing in here makes the loop wait."""
+    """How the rover is reached and how much it publishes. None of this makes the loop wait."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     enabled: bool = Field(
-        True, description="false: no session is opened and nothing is published. Off for a rover that drives alone"
+        True,
+        description="Whether anything is published; if false, no zenoh session is opened. Turn it off for a rover "
+        "that drives alone",
     )
     connect: tuple[Endpoint, ...] = Field(
         ("tcp/127.0.0.1:7447",),
-        description="routers and peers to connect to, again and again until they answer; 7447 is zenoh's own port. "
-        "Name your router here where the rover shall be seen from other machines",
+        description="Routers and peers to connect to, retried until they answer; 7447 is the standard port of "
+        "zenoh. Add your router if other machines are to see the rover",
     )
     listen: tuple[Endpoint, ...] = Field(
         ("tcp/127.0.0.1:7448",),
-        description="where tools on this machine reach the rover without a router; the next free port if it is "
-        "taken. Change it to be reached from the network",
+        description="Addresses at which tools on this machine reach the rover without a router; the next free port "
+        "if one is taken. Add an address of the network if tools on other machines are to reach it",
     )
     config_file: str | None = Field(
         None,
         min_length=1,
-        description="zenoh configuration (JSON5) to start from, for TLS and access rules; connect, listen are set "
-        "here. config/zenoh-rover.json5 is one to begin with",
+        description="Zenoh configuration (JSON5) to start from, for TLS and access rules; connect and listen are "
+        "taken from this table. Start from config/zenoh-rover.json5",
     )
     scan_hz: float = Field(
         2.0,
         ge=0.0,
         le=50.0,
-        description="scans per second on the key scan; 0 sends none, 2 suffice to look at. Raise it for a program "
-        "that works with scans, lower it on a thin link",
+        description="Scans per second on the key scan: 0 for none, 2 are enough for viewing. Raise it for a "
+        "program that works with scans, lower it on a slow link",
     )
     ros2: bool = Field(
         False,
-        description="say pose, odometry and TF as a ROS 2 node under rmw_zenoh; gossips then. On where ROS 2 nodes "
-        "shall see the rover",
+        description="Publish pose, odometry and TF as a ROS 2 node under rmw_zenoh too, with gossip discovery. "
+        "Turn it on if ROS 2 nodes are to see the rover",
     )
     ros2_domain: int = Field(
-        0, ge=0, le=232, description="ROS_DOMAIN_ID of the nodes that shall see them: the one that they run with"
+        0,
+        ge=0,
+        le=232,
+        description="ROS_DOMAIN_ID of the nodes that are to see the rover. Use the one that they run with",
     )
     commands: bool = Field(
         False,
-        description="obey mark, save and stop over zenoh; config_file must hold access rules that say who may "
-        "command. On where an operator marks from afar",
+        description="Obey commands (mark, save, stop, initial_pose) over zenoh; config_file must hold access rules "
+        "that say who may send them. Turn it on if an operator is to send commands",
     )
 
     @model_validator(mode="after")
     def _commands_need_rules(self) -> Self:
         if self.commands and self.config_file is None:
             raise ValueError(
-                "config_file to name a zenoh configuration with access_control where commands = true; "
+                "config_file to name a zenoh configuration with access_control when commands = true; "
                 "config/zenoh-rover.json5 is one"
             )
         return self

@@ -4,13 +4,13 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class ReviewSettings(BaseModel):
-    """How much of a run is drawn. All of it can be made again from run.mcap with other settings."""
+    """How much of a run is drawn. Everything can be drawn again from run.mcap with other settings."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     live: bool = Field(
         True,
-        description="draw while driving, in another process; `infant review` can do it later. Off on a computer "
-        "without two cores to spare",
+        description="Draw review.rrd while driving, in another process; `infant review` can draw it later. Turn it "
+        "off on a computer without two cores to spare",
     )
     scan_every: int = Field(1, ge=1, le=100, description="laser points of every n-th tick: most of the file")

@@ -81,7 +81,7 @@ def plan_install(root: Path, program: Path, configuration: Path | None = None) -
     if chosen.state is FileState.DIFFERS:
         chosen = PlannedFile(chosen.path, chosen.text, FileState.KEPT, chosen.diff)
         validate_for_live_run(load_configuration(chosen.path), str(chosen.path))
-        notes += (f"{chosen.path} is kept as it is: a configuration is never overwritten",)
+        notes += (f"{chosen.path} is kept: an existing configuration is never overwritten",)
     else:
         files += _layout_file(configured, source, root, program)
     if root == Path("/"):
@@ -112,7 +112,7 @@ def _layout_file(configuration: Configuration, source: Path, root: Path, program
     if file is None or named is None or named.is_absolute():
         return ()
     if ".." in named.parts:
-        raise ConfigurationError(f"{source}: encoders.layout.file = {str(named)!r}: put it beside the configuration")
+        raise ConfigurationError(f"{source}: encoders.layout.file = {str(named)!r}: put it next to the configuration")
     try:
         planned = _planned(Path(file), (root / CONFIGURATION).parent / named, program)
     except StorageError as error:
@@ -162,13 +162,13 @@ def execute(command: Command) -> None:
     if done.returncode:
         said = (done.stderr or done.stdout).strip().splitlines()
         why = said[0].rstrip(".") if said else f"exit code {done.returncode}"
-        raise PreflightError(f"{' '.join(command)}: {why}; mend it and run infant install again")
+        raise PreflightError(f"{' '.join(command)}: {why}; fix that and run infant install again")
 
 
 def refusal(root: Path, privileged: bool = True) -> str:
     """One sentence on why this process cannot install below `root`, empty if it can; privileged: ask for root too."""
     if root != Path("/"):
-        return "" if root.is_dir() else f"--root {root} is no folder; give the root of an image"
+        return "" if root.is_dir() else f"--root {root} is not a folder; give the root of an image"
     if shutil.which("systemctl") is None or not Path("/run/systemd/system").is_dir():
         return "this machine was not started by systemd, so there is nothing to install into; use --root for an image"
     if privileged and os.geteuid() != 0:
@@ -199,9 +199,9 @@ def _live_commands() -> tuple[Command, ...]:
 def _live_notes() -> tuple[str, ...]:
     notes = []
     if not _is_active("systemd-networkd.service"):
-        notes.append("systemd-networkd is not active: enable it, or bring can0 up yourself (bit rate, restart-ms)")
+        notes.append("systemd-networkd is not active: enable it, or bring up can0 yourself (bit rate, restart-ms)")
     if _is_active("infant.service"):
-        notes.append("infant is running as it was installed before; 'systemctl restart infant' takes the new one")
+        notes.append("infant still runs the previous installation; 'systemctl restart infant' starts the new one")
     else:
         notes.append("'systemctl start infant' starts it now; it starts by itself after each boot")
     return tuple(notes)
@@ -230,7 +230,7 @@ def _text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else "it is no UTF-8 text"
+        why = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise StorageError(f"{path} cannot be read ({why}); install infant again") from error
 
 

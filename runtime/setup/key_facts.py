@@ -88,7 +88,7 @@ def explained_lines(facts: list[KeyFacts]) -> list[str]:
     """Meaning, values and default of each."""
     lines = []
     for each in facts:
-        lines += [f"{each.key}{_of_kind(each)}", f"    {each.meaning or 'which of several kinds of table this is'}"]
+        lines += [f"{each.key}{_of_kind(each)}", f"    {each.meaning or 'chooses this kind of table'}"]
         lines += [f"    values   {each.values}"] if each.values else []
         lines += [f"    default  {_shown(each)}"]
     return lines

@@ -26,7 +26,7 @@ def place_trouble(program: Path, needed: Iterable[Path], root: Path = Path("/"))
     needed: other paths that it reads, as the interpreter and the packages; root: prefix under which HIDDEN lies.
     """
     if PLAIN.fullmatch(str(program)) is None:
-        return f"{program} cannot stand in a unit as it is (only letters, digits and ._/+@- can); {REMEDY}"
+        return f"{program} cannot be named in a unit (only letters, digits and ._/+@- are allowed); {REMEDY}"
     for path in (program, *needed):
         if not path.exists():
             return f"{path} does not exist; {REMEDY}"
@@ -37,7 +37,7 @@ def place_trouble(program: Path, needed: Iterable[Path], root: Path = Path("/"))
             for above in (seen, *seen.parents):
                 wanted = stat.S_IROTH | (stat.S_IXOTH if above.is_dir() else 0)
                 if above.is_relative_to(root) and above.stat().st_mode & wanted != wanted:
-                    return f"{above} may not be read by everyone, so not by the user infant; {REMEDY}"
+                    return f"{above} is not readable by everyone, so not by the user infant; {REMEDY}"
     return ""
 
 

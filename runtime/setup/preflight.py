@@ -55,8 +55,8 @@ def check_clock(wall_s: float) -> Check:
         return Check(
             "clock",
             CheckResult.WARN,
-            f"the wall clock says {time.strftime('%Y-%m-%d', time.gmtime(wall_s))}",
-            "set it (timedatectl set-time) or wait for NTP; stamps in a run are monotonic and stay right",
+            f"the system clock says {time.strftime('%Y-%m-%d', time.gmtime(wall_s))}",
+            "set it (timedatectl set-time) or wait for NTP; stamps within a run are monotonic and stay right",
         )
     return Check("clock", CheckResult.PASS, time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(wall_s)))
 
@@ -68,7 +68,7 @@ def check_disk(folder: Path) -> Check:
         remedy = "mount it read-write or change record.folder"
         return Check("disk", CheckResult.FAIL, f"{existing} cannot be written", remedy)
     hours = shutil.disk_usage(existing).free / BYTES_PER_HOUR
-    reason = f"{hours:.1f} hours of recording are free in {existing}"
+    reason = f"space for {hours:.1f} hours of recording is free in {existing}"
     if hours < LEAST_HOURS:
         return Check("disk", CheckResult.FAIL, reason, "remove old runs or change record.folder")
     if hours < GOOD_HOURS:
@@ -79,14 +79,14 @@ def check_disk(folder: Path) -> Check:
 def check_real_time(priority: int) -> Check:
     """Whether the loop may have its priority and its locked memory."""
     if priority == 0:
-        reason = "loop.priority is 0: none is asked for"
+        reason = "loop.priority is 0: no real-time priority is requested"
         return Check("real time", CheckResult.WARN, reason, "set loop.priority = 50 on a rover")
     allowed = max(resource.getrlimit(resource.RLIMIT_RTPRIO)[0], 99 if os.geteuid() == 0 else 0)
     if allowed < priority:
         return Check(
             "real time",
             CheckResult.WARN,
-            f"priority {priority} is asked for, {allowed} allowed",
+            f"priority {priority} is requested, {allowed} is allowed",
             "run as the service, or set LimitRTPRIO=60; without it ticks can be late under load",
         )
     return Check("real time", CheckResult.PASS, f"priority {priority} is allowed")
@@ -98,7 +98,7 @@ def check_calibration(configuration: Configuration) -> Check:
     names = ("wheel_radius_left_m", "wheel_radius_right_m", "tread_m")
     measured = any(getattr(vehicle, name) != getattr(type(vehicle)(), name) for name in names)
     if measured:
-        return Check("calibration", CheckResult.PASS, "wheel radii and tread are not those of the drawing")
+        return Check("calibration", CheckResult.PASS, "wheel radii and tread differ from the drawing")
     if configuration.simulation is not None:
         return Check("calibration", CheckResult.PASS, "simulated wheels are as designed")
     return Check(
@@ -117,7 +117,12 @@ def check_endpoint(endpoint: str) -> Check:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((address.strip("[]"), int(port)))
     except (OSError, ValueError) as error:
-        return Check("zenoh", CheckResult.WARN, f"{endpoint}: {error}", "another rover here? the next port is used")
+        return Check(
+            "zenoh",
+            CheckResult.WARN,
+            f"{endpoint}: {error}",
+            "is another rover running here? The next free port is used",
+        )
     return Check("zenoh", CheckResult.PASS, f"{endpoint} is free")
 
 
@@ -165,9 +170,9 @@ def check_bus(bus: BusSettings, listen: Callable[[BusSettings, float], list[CanF
     try:
         traffic = traffic_of(listen(bus, HEAR_S))
     except DriverError as error:
-        return Check("bus", CheckResult.FAIL, str(error), "mend the interface first")
+        return Check("bus", CheckResult.FAIL, str(error), "bring the interface up first")
     if not traffic:
-        reason = f"nothing is heard on {bus.channel} in {HEAR_S:g} s"
+        reason = f"nothing was heard on {bus.channel} in {HEAR_S:g} s"
         return Check("bus", CheckResult.FAIL, reason, "check power of the nodes, bit rate and termination")
     reason = f"heard on {bus.channel}: " + "; ".join(
         f"{each.name} ({each.frames} frames)" for each in traffic[:MOST_IDS]
@@ -176,7 +181,7 @@ def check_bus(bus: BusSettings, listen: Callable[[BusSettings, float], list[CanF
     fitting = layouts_that_fit(traffic)
     if not fitting:
         return Check("bus", CheckResult.WARN, reason, "compare these ids with those in encoders.layout")
-    remedy = f"{fitting[0].name} fits these: 'infant setup' writes a configuration for it"
+    remedy = f"{fitting[0].name} fits them: 'infant setup' writes a configuration for it"
     return Check("bus", CheckResult.WARN, reason, remedy)
 
 
@@ -187,7 +192,7 @@ def judge_sensor(name: str, health: SensorHealth, target_hz: float) -> Check:
     facts = ", ".join(f"{key} {value}" for key, value in health.facts.items() if value)
     reason = f"{health.rate_hz:.2f} Hz of {target_hz:g}; {facts}"
     if abs(health.rate_hz / target_hz - 1.0) > RATE_TOLERANCE:
-        remedy = f"the rate is more than {RATE_TOLERANCE:.0%} off: check the sensor's settings"
+        remedy = f"the rate is more than {RATE_TOLERANCE:.0%} off: check the settings of the sensor"
         return Check(name, CheckResult.WARN, reason, remedy)
     if "advice" in health.facts:
         return Check(name, CheckResult.WARN, reason, "change the configuration as advised, or accept it")

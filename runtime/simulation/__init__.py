@@ -1,1 +1,1 @@
-"""How is the simulated rover started, beside a run or alone? Begin at rover_process.py."""
+"""How is the simulated rover started, with a run or alone? Begin at rover_process.py."""

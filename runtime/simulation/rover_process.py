@@ -77,12 +77,12 @@ class SimulatedRover:
             self._process.stdin.write(json.dumps(message) + "\n")
             self._process.stdin.flush()
         except BrokenPipeError as error:
-            raise SensorError("the simulated rover has ended by itself; its message stands above") from error
+            raise SensorError("the simulated rover ended by itself; its message is printed above") from error
 
     def _answer(self) -> dict[str, Any]:
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if not line:
-            raise SensorError("the simulated rover did not start; its message stands above")
+            raise SensorError("the simulated rover did not start; its message is printed above")
         answer: dict[str, Any] = json.loads(line)
         return answer

@@ -26,7 +26,9 @@ class SentBytes:
         except FileExistsError as error:
             raise RunExistsError(f"{folder} exists; nothing is overwritten, give another name") from error
         except OSError as error:
-            raise StorageError(f"{folder} cannot be made ({error.strerror}); give another --record") from error
+            raise StorageError(
+                f"{folder} cannot be created ({error.strerror}); give another folder with --record"
+            ) from error
         self._lock = threading.Lock()  # the laser answers over two ports
 
     def laser(self, data: bytes) -> None:

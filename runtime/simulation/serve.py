@@ -56,9 +56,9 @@ def serve_rover(
         bus = rover.encoders.bus
         name = f"{bus.interface}:{bus.channel}" + (f":{bus.port}" if bus.port else "")
         stream.write(
-            f"laser  {rover.laser_url}  speaks SCIP 2; any client can connect\n"
-            f"wheels {name}  CAN frames as python-can has them, INTERFACE:CHANNEL:PORT\n"
-            f"try    infant setup --laser {rover.laser_url} --can {name}\n"
+            f"laser  {rover.laser_url}  speaks SCIP 2; any client can connect\nwheels {name}  CAN frames "
+            f"for python-can, as INTERFACE:CHANNEL:PORT\ntry    infant setup --laser {rover.laser_url} "
+            f"--can {name}\n"
         )
         _wait(rover.devices, stop, stream, faults)
 
@@ -108,7 +108,7 @@ def _wait(devices: Mapping[str, Device], stop: threading.Event, stream: TextIO, 
         stream.flush()
 
     if faults is not None:
-        say(f"faults one a line, help lists them: {EXAMPLES}")
+        say(f"type one fault per line, help lists them: {EXAMPLES}")
         obey_lines(faults, devices, say)
     stream.flush()
     stop.wait()

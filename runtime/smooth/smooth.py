@@ -105,7 +105,7 @@ def smooth_lines(summary: dict[str, Any]) -> list[str]:
         f"noise     ranges {noise['ranges']:.2f}, bearings {noise['bearings']:.2f}, motions {noise['motions']:.2f} "
         "times the configured",
         f"refuted   {summary['refuted']} sightings, {len(summary['wrong_matches'])} wrong matches; "
-        f"{len(summary['doubled'])} pairs of landmarks that are one",
+        f"{len(summary['doubled'])} pairs of landmarks that are one object",
     ]
     if summary["apart_rms_m"] is not None:
         lines.append(

@@ -61,7 +61,7 @@ def measure_rate(
                 command, stdout=subprocess.PIPE, text=True, preexec_fn=None if privileged else give_up_privileges
             )
     if done.returncode != 0:
-        raise SensorError(f"the run ended with exit code {done.returncode}; its message stands above")
+        raise SensorError(f"the run ended with exit code {done.returncode}; its message is printed above")
     summary: dict[str, Any] = json.loads(done.stdout)
     return {
         "minutes": minutes,

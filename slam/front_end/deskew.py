@@ -54,8 +54,8 @@ def deskew(scan: Scan, twist: Twist, body_from_laser: Pose2, range_min_m: float,
     spacing = (directions[-1] - directions[0]) / (count - 1) if count > 1 else 2.0 * math.pi
     if not spacing > 0.0 or (count > 1 and not np.all(directions[1:] > directions[:-1])):
         raise ValueError(
-            f"bearings_rad from {directions[0]} to {directions[-1]} do not increase; "
-            "expected counter-clockwise beams: turn the arrays of the scan round"
+            f"bearings_rad from {directions[0]} to {directions[-1]} do not increase; expected "
+            "counter-clockwise beams: reverse the arrays of the scan"
         )
     beams = BeamArrays(np.empty(count), np.empty(count), np.empty((count, 2)), np.empty((count, 2)))
     sweep = Sweep(scan.ranges_m.astype(np.float64), directions, scan.beam_period_s, scan.stamp_beam)

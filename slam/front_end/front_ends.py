@@ -53,7 +53,7 @@ class GivenFrontEnd:
     ) -> tuple[Features, VerdictArray]:
         """Sightings with finite values become features; all may create."""
         if not isinstance(scan, Sightings):
-            raise TypeError("front_end.kind = given needs sightings, this is a scan of a laser: choose robust or paper")
+            raise TypeError("front_end.kind = given needs sightings, but this is a laser scan: choose robust or paper")
         usable = np.isfinite(scan.ranges_m) & np.isfinite(scan.bearings_rad) & (scan.ranges_m > 0.0)
         ranges, count = scan.ranges_m[usable], int(usable.sum())
         features = Features(
@@ -183,7 +183,7 @@ class RobustFrontEnd:
 
 def _laser_scan(scan: ScanLike) -> Scan:
     if not isinstance(scan, Scan):
-        raise TypeError("front_end.kind = robust or paper needs scans of a laser, these are sightings: choose given")
+        raise TypeError("front_end.kind = robust or paper needs laser scans, but these are sightings: choose given")
     return scan
 
 

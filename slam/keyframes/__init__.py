@@ -1,1 +1,1 @@
-"""What does an earlier scan from nearby say of where the rover is?"""
+"""What does an earlier scan from nearby say about where the rover is?"""

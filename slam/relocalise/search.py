@@ -89,8 +89,8 @@ class ToldPlace:
         seen = len(self._tried)
         came_to = f"best odds {self.best.odds:.0f}" if self.best.points else "too few to tell"
         return (
-            f"nothing agrees with the pose that was given, now {x_m:.1f} m, {y_m:.1f} m, {heading_rad:.2f} rad: "
-            f"{seen} landmarks seen, {came_to}; the rover goes on where it believed to be"
+            f"nothing agrees with the given pose, now {x_m:.1f} m, {y_m:.1f} m, {heading_rad:.2f} rad: "
+            f"{seen} landmarks seen, {came_to}; the rover keeps its own pose"
         )
 
     @property

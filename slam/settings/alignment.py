@@ -4,12 +4,14 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class AlignmentSettings(BaseModel):
-    """Whether a scan is laid onto earlier ones where scans are too far apart in time to be compared by the wheels."""
+    """Whether scans are aligned with earlier ones when they are too far apart in time to be compared by wheel
+    odometry.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     enabled: bool = Field(
         default=True,
-        description="refine the wheels' motion by the scans where these come seconds apart. Off where a study wants "
-        "the wheels alone; a live laser never comes so slowly",
+        description="Refine the wheels' motion by aligning scans that are seconds apart. Turn it off to study "
+        "wheel odometry alone; a live laser is never that slow",
     )

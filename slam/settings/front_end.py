@@ -8,67 +8,72 @@ from slam.settings.alignment import AlignmentSettings
 
 
 class FrontEndSettings(BaseModel):
-    """How beams become point features, and how exact a feature is: what the sensor and the place ask for."""
+    """How beams become point features, and how accurate a feature is.
+
+    These values depend on the sensor and the place.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     kind: Literal["robust", "paper", "given"] = Field(
         default="robust",
-        description="robust: segments and corners after a compensated vote; paper: as printed in III-A, for studies; "
-        "given: for a sensor that already tells its landmarks apart",
+        description="robust: segments and corners, confirmed by a motion-compensated vote; paper: as printed in "
+        "III-A, for studies; given: for a sensor that identifies its landmarks itself. Keep robust for "
+        "a laser",
     )
     sigma_range_m: float = Field(
         default=0.02,
         gt=0.0,
         le=5.0,
-        description="standard deviation of one range, m. From the data sheet (Hokuyo: 0.01 to 0.03); "
-        "`infant calibrate` measures it",
+        description="Standard deviation of one range. Take it from the data sheet (Hokuyo: 0.01 to 0.03) or "
+        "measure it with `infant calibrate`",
     )
     sigma_bearing_rad: float = Field(
         default=0.0022,
         gt=0.0,
         le=0.5,
-        description="standard deviation of a bearing, rad, for paper and given: half the angle between two beams, or "
-        "what a camera is known to err by",
+        description="Standard deviation of a bearing, used by the kinds paper and given. Take half the angle "
+        "between two beams, or the known error of the camera",
     )
     sigma_range_floor_m: float = Field(
         default=0.01,
         ge=0.0,
         le=5.0,
-        description="no feature's range is more exact, m. What things that are not round or not sharp add: larger "
-        "among trees (0.7 in Victoria Park) and for coarse sensors",
+        description="Smallest standard deviation of a feature's range, for things that are not round or have no "
+        "sharp edge. Raise it among trees (0.7 in Victoria Park) and for coarse sensors",
     )
     sigma_bearing_floor_rad: float = Field(
         default=0.0005,
         ge=0.0,
         le=0.5,
-        description="no feature's bearing is more exact, rad: half the angle between two beams of a coarse sensor",
+        description="Smallest standard deviation of a feature's bearing. Take half the angle between two beams of "
+        "a coarse sensor",
     )
     range_min_m: float = Field(
         default=0.1,
         ge=0.0,
         le=10.0,
-        description="nearer returns are not used, m. Raise it where the laser sees parts of the vehicle",
+        description="Returns closer than this are ignored. Raise it if the laser sees parts of the vehicle",
     )
     range_max_m: float = Field(
         default=60.0,
         gt=0.0,
         le=500.0,
-        description="returns from beyond are not used, m; the scan's own limit holds too. Set it where a sensor's far "
-        "returns cannot be trusted, as slam.view.range_max_m",
+        description="Returns farther than this are ignored; the limit of the scan itself applies too. Lower it, "
+        "like slam.view.range_max_m, if the sensor's far returns cannot be trusted",
     )
     width_max_m: float = Field(
         default=0.9,
         gt=0.0,
         le=5.0,
-        description="wider segments are no trunk, m. The thickest round thing of the place: 0.4 indoors (posts, chair "
-        "legs), 2 among old trees seen by few beams",
+        description="Segments wider than this are not trunks. Take the thickest round object of the place: 0.4 "
+        "indoors (posts, chair legs), 2 among old trees that few beams hit",
     )
     wall_corners: bool = Field(
         default=True,
-        description="corners and free ends of walls are features as well. Off where there are no walls, as in a park: "
-        "hedges have no corners",
+        description="Use corners and free ends of walls as features too. Turn it off where there are no walls, as "
+        "in a park: hedges have no corners",
     )
     alignment: AlignmentSettings = Field(
-        default_factory=AlignmentSettings, description="scans that come seconds apart are laid onto each other"
+        default_factory=AlignmentSettings, description="Alignment of scans that are seconds apart"
     )

@@ -4,7 +4,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 
 class JointSettings(BaseModel):
-    """How the published pose, its covariance and the published map come about."""
+    """How the published pose, its covariance and the published map are computed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -12,7 +12,7 @@ class JointSettings(BaseModel):
         96,
         ge=2,
         le=4096,
-        description="landmarks in the joint state, and half as many far ones at least, however many are near: they "
-        "hold the map together when a loop closes. A step costs the square: lower it where `infant bench` shows steps "
-        "near the beat, raise it for large loops",
+        description="Number of landmarks in the joint state. At least half as many distant ones are kept, however "
+        "many are near: they hold the map together when a loop closes. The cost of a step grows with "
+        "the square: lower it if `infant bench` shows steps close to the beat, raise it for large loops",
     )

@@ -14,7 +14,7 @@ POSE_NOISE = {
 
 
 class OdometrySettings(BaseModel):
-    """How far the motion that the wheels tell can be trusted.
+    """How far the motion reported by the wheels can be trusted.
 
     Random walks are given per square root of metre, so that they do not depend on the sampling rate. Find them with
     `infant calibrate`, which writes what a drive shows.
@@ -38,80 +38,83 @@ class OdometrySettings(BaseModel):
         default=0.01,
         ge=0,
         le=1,
-        description="random slip of each wheel, m per square root of metre rolled; 1 cm in 1 m on gravel. Raise it on "
-        "looser ground; `infant calibrate` measures it",
+        description="Random slip of each wheel per square root of metre rolled: 1 cm after 1 m on gravel. Raise it "
+        "on looser ground; `infant calibrate` measures it",
     )
     lateral_m_per_sqrt_m: float = Field(
         default=0.005,
         ge=0,
         le=1,
-        description="sideways drift, m per square root of metre driven; 1 mm in a step of 5 cm. Raise it on slopes and "
-        "with worn tyres; `infant calibrate` measures it",
+        description="Sideways drift per square root of metre driven: 1 mm in a step of 5 cm. Raise it on slopes "
+        "and with worn tyres; `infant calibrate` measures it",
     )
     heading_rad_per_sqrt_m: float = Field(
         default=0.001,
         ge=0,
         le=1,
-        description="turning beyond what the wheels tell, rad per square root of metre driven. Raise it for vehicles "
-        "that skid while they turn",
+        description="Turning that the wheels do not show, per square root of metre driven. Raise it for vehicles "
+        "that skid as they turn",
     )
     heading_rad_per_sqrt_rad: float = Field(
         default=0.0,
         ge=0,
         le=2,
-        description="error of a turn, rad per square root of radian turned (poses only): what the log's own odometry "
-        "errs by, found by comparing turns with its truth",
+        description="Error of a turn per square root of radian turned (poses only). Find it by comparing the turns "
+        "of the log's odometry with its ground truth",
     )
     radius_uncertainty: float = Field(
         default=0.002,
         ge=0,
         le=0.2,
-        description="relative error of each wheel radius, constant in a drive: tyre pressure and load. "
-        "`infant calibrate` writes what is left after it",
+        description="Relative error of each wheel radius, constant during a drive (tyre pressure, load). `infant "
+        "calibrate` writes the error that remains after it",
     )
     tread_uncertainty: float = Field(
         default=0.01,
         ge=0,
         le=0.5,
-        description="relative error of the tread, constant in a drive: where a wide tyre touches the ground. "
-        "`infant calibrate` writes what is left after it",
+        description="Relative error of the tread, constant during a drive (where a wide tyre touches the ground). "
+        "`infant calibrate` writes the error that remains after it",
     )
     speed_noise_mps: float = Field(
         default=0.2,
         ge=0,
         le=10,
-        description="m/s, white; not applied at rest (speed models only). From the sensor's data sheet, or the spread "
-        "at constant speed",
+        description="White noise of the speed, none at rest (speed models only). Take it from the sensor's data "
+        "sheet, or from the spread at constant speed",
     )
     speed_noise_ratio: float = Field(
         default=0.0,
         ge=0,
         le=1,
-        description="share of the speed that is noise as well (speed models only): for speeds that are commanded and "
-        "not measured",
+        description="Additional noise as a fraction of the speed (speed models only). Set it when speeds are "
+        "commanded rather than measured",
     )
     yaw_rate_noise_radps: float = Field(
         default=0.052,
         ge=0,
         le=5,
-        description="rad/s, white; 3 deg/s (speed_yaw_rate only). From the gyro's data sheet, or its spread at rest",
+        description="White noise of the yaw rate; the default is 3 deg/s (speed_yaw_rate only). Take it from the "
+        "gyro's data sheet, or from its spread at rest",
     )
     steering_noise_rad: float = Field(
         default=0.1,
         ge=0,
         le=1,
-        description="rad, white; 6 deg (steered only). Spread of the measured angle while driving straight",
+        description="White noise of the steering angle; the default is 6 deg (steered only). Take the spread of "
+        "the measured angle while driving straight",
     )
     noise_time_s: float = Field(
         default=0.2,
         gt=0,
         le=10,
-        description="s for which one draw of the white noises above lasts: the sampling time they are quoted for",
+        description="How long one draw of the white noises above lasts. Take the sampling time for which they are "
+        "quoted",
     )
     gap_s: float = Field(
         default=0.5,
         gt=0,
         le=10,
-        description="s of silence of the wheels after which motion counts as unknown. Longer than the longest usual "
-        "gap of the log",
+        description="Silence of the wheels after which their motion counts as unknown. Choose it longer than the "
+        "longest usual gap of the log",
     )

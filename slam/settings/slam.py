@@ -13,40 +13,44 @@ from slam.settings.odometry import OdometrySettings
 from slam.settings.quality import QualitySettings
 from slam.settings.tuning import Proposal, Strategy, Tuning
 
-OFF_TO_COMPARE = "Off only to compare: --without"
+OFF_TO_COMPARE = "Turn it off only to compare: --without"
 Seen = TypeVar("Seen", Scan, ScanLike)
 
 
 class TechniqueSettings(BaseModel):
-    """The six techniques of the paper, each with its switch; all off is its "normal estimation". For studies."""
+    """The six techniques of the paper, each with its switch.
+
+    With all of them off it is the paper's "normal estimation". For studies.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     difference: bool = Field(
-        default=True, description=f"keep only what an earlier scan saw as well (III-A-1). {OFF_TO_COMPARE} difference"
+        default=True, description=f"Keep only what an earlier scan saw as well (III-A-1). {OFF_TO_COMPARE} difference"
     )
     sparse: bool = Field(
-        default=True, description=f"minimum spacing of features, 0.10 m (III-A-2). {OFF_TO_COMPARE} sparse"
+        default=True, description=f"Keep features at least 0.10 m apart (III-A-2). {OFF_TO_COMPARE} sparse"
     )
     density: bool = Field(
         default=True,
-        description="threshold by distance to the neighbouring landmark (5); off: fixed gate. "
-        f"{OFF_TO_COMPARE} density",
+        description="Match threshold that depends on the distance to the neighbouring landmark (5); a fixed gate "
+        f"if off. {OFF_TO_COMPARE} density",
     )
     existence: bool = Field(
-        default=True, description=f"log-odds per landmark and removal (6). {OFF_TO_COMPARE} existence"
+        default=True,
+        description=f"Log-odds of existence for each landmark, and removal (6). {OFF_TO_COMPARE} existence",
     )
     exclusivity: bool = Field(
-        default=True, description=f"one feature per landmark and scan (III-B-2). {OFF_TO_COMPARE} exclusivity"
+        default=True, description=f"At most one feature per landmark and scan (III-B-2). {OFF_TO_COMPARE} exclusivity"
     )
     range: bool = Field(
         default=True,
-        description=f"likelihoods only for landmarks that can be in view (III-B-3). {OFF_TO_COMPARE} range",
+        description=f"Likelihoods only for landmarks that can be in view (III-B-3). {OFF_TO_COMPARE} range",
     )
 
 
 class MountSettings(BaseModel):
-    """Where the laser sits on the vehicle: body_from_laser.
+    """Where the laser is mounted on the vehicle: body_from_laser.
 
     Measure it, or drive some loops and let `infant calibrate` find it.
     """
@@ -57,21 +61,28 @@ class MountSettings(BaseModel):
         default=0.0,
         ge=-20,
         le=20,
-        description="m ahead of the middle of the wheels' axle. A ruler or `infant calibrate` finds it",
+        description="Distance of the laser ahead of the middle of the wheels' axle. Measure it with a ruler, or "
+        "let `infant calibrate` find it",
     )
-    y_m: float = Field(default=0.0, ge=-20, le=20, description="m left of it, found likewise")
+    y_m: float = Field(
+        default=0.0,
+        ge=-20,
+        le=20,
+        description="Distance of the laser to the left of the middle. Measure it with a ruler, or let `infant "
+        "calibrate` find it",
+    )
     yaw_rad: float = Field(
         default=0.0,
         ge=-math.pi,
         le=math.pi,
-        description="rad by which it is turned to the left; a laser that looks backwards has pi. `infant calibrate` "
-        "finds it",
+        description="Angle by which the laser is turned to the left; pi for a laser that looks backwards. `infant "
+        "calibrate` finds it",
     )
 
     upside_down: bool = Field(
         default=False,
-        description="whether the laser hangs upside down, so that left and right are exchanged in its scans. "
-        "`infant calibrate` finds it, and `infant review` names a run that looks mirrored",
+        description="Whether the laser hangs upside down, which swaps left and right in its scans. `infant "
+        "calibrate` finds it, and `infant review` reports a run that looks mirrored",
     )
 
     def as_pose(self) -> Pose2:
@@ -84,7 +95,7 @@ class MountSettings(BaseModel):
 
 
 class ViewSettings(BaseModel):
-    """Where landmarks can be seen at all, and where not seeing one means something."""
+    """Where landmarks can be seen, and where not seeing one means something."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -92,44 +103,45 @@ class ViewSettings(BaseModel):
         default=30.0,
         gt=0,
         le=500,
-        description="features farther away are not used, m. The range of the sensor, from its data sheet",
+        description="Features farther away are ignored. Take the range of the sensor from its data sheet",
     )
     range_margin_m: float = Field(
         default=3.0,
         ge=0,
         le=50,
-        description="m added where candidates are gathered, because landmarks move a little. About a tenth of "
-        "range_max_m; 1 indoors",
+        description="Margin added when candidate landmarks are gathered, because landmarks move a little. Take "
+        "about a tenth of range_max_m, 1 indoors",
     )
     missed_range_m: float = Field(
         default=25.0,
         ge=0,
         le=500,
-        description="m up to which an unseen landmark counts as missed. Where the sensor still sees the thinnest "
-        "landmark with certainty; 0 for a sensor that misses most of what it could see",
+        description="Distance up to which an unseen landmark counts as missed. Take the distance at which the "
+        "sensor reliably sees the thinnest landmark; 0 for a sensor that often misses things",
     )
     missed_bearing_rad: float = Field(
         default=math.radians(130.0),
         ge=0,
         le=math.pi,
-        description="rad to either side within which it counts as missed: 5 deg inside the sensor's edge",
+        description="Bearing to either side up to which an unseen landmark counts as missed. Take 5 deg less than "
+        "the edge of the sensor's field of view",
     )
 
 
 class AssociationSettings(BaseModel):
-    """Which feature is which landmark."""
+    """Which feature belongs to which landmark."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     strategy: Literal["sequential", "simultaneous", "known"] = Field(
         default="sequential",
-        description="nearest first with the pose updated between, or the printed form, or by reported identity. "
-        "known only where the sensor tells its landmarks apart",
+        description="sequential: nearest first, updating the pose in between; simultaneous: as printed in the "
+        "paper; known: by reported identity. Use known only if the sensor identifies its landmarks",
     )
 
 
 class GateSettings(BaseModel):
-    """Gates of association, for particles and joint Gaussian alike: squared Mahalanobis distances of range and bearing
+    """Gates of association for particles and joint Gaussian: squared Mahalanobis distances of range and bearing
     (chi square with two degrees of freedom).
     """
 
@@ -139,27 +151,27 @@ class GateSettings(BaseModel):
         default=6.0,
         ge=0,
         le=1000,
-        description="widest distance of a match in a crowd, -2 M_c of (5): 95 % of true matches. Raise it where true "
-        "matches are refused because the noise is not Gaussian",
+        description="Widest distance of a match in a crowd, -2 M_c of (5); 6 keeps 95 % of true matches. Raise it "
+        "if true matches are refused because the noise is not Gaussian",
     )
     match_per_metre: float = Field(
         default=1.2,
         ge=0,
         le=1000,
-        description="1/m by which it grows with the distance to the nearest other landmark, 2 K of (5). Lower it in "
-        "places where walkers are matched to lonely landmarks",
+        description="Growth of that distance with the distance to the nearest other landmark, 2 K of (5). Lower it "
+        "where people who walk by are matched to isolated landmarks",
     )
     match_known: float = Field(
         default=50.0,
         ge=0,
         le=1e6,
-        description="the same where the sensor reports identities (strategy known). Raise it for a sensor that never "
-        "misreads one",
+        description="Widest distance of a match when the sensor reports identities (strategy known). Raise it for "
+        "a sensor that never misreads one",
     )
 
 
 class SlamSettings(BaseModel):
-    """Everything the estimator is told."""
+    """All settings of the estimator."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -167,11 +179,12 @@ class SlamSettings(BaseModel):
         default=100,
         ge=1,
         le=100_000,
-        description="number of particles; 30 to 100 suffice. Lower it where `infant bench` shows steps near the beat",
+        description="Number of particles; 30 to 100 are enough. Lower it if `infant bench` shows steps close to "
+        "the beat",
     )
     proposal: Literal["motion", "ekf", "unscented"] = Field(
         default="unscented",
-        description="where poses are sampled from. Change it only to compare: the paper's is unscented",
+        description="Distribution from which poses are sampled; the paper's is unscented. Change it only to compare",
     )
     resample_share: float = Field(
         default=0.3,

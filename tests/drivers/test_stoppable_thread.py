@@ -69,4 +69,4 @@ def test_a_failure_that_nobody_is_told_of_is_logged(caplog: pytest.LogCaptureFix
         thread.start()
         assert failed.wait(120.0)
         thread.stop(120.0)
-    assert "the thread fails failed and begins again: ValueError('fails')" in caplog.text
+    assert "the thread fails failed and is restarted: ValueError('fails')" in caplog.text

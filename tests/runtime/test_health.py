@@ -62,15 +62,15 @@ def test_a_doubted_pose_is_a_reason_and_each_change_of_it_an_event() -> None:
     monitor = HealthMonitor()
     doubts = [
         (Quality.TRACKING, ""),
-        (Quality.UNCERTAIN, "nothing of the map is seen: for 0.9 s"),
-        (Quality.UNCERTAIN, "nothing of the map is seen: for 1.0 s"),
-        (Quality.LOST, "nothing of the map is seen: for 2.1 s"),
+        (Quality.UNCERTAIN, "nothing on the map is seen: for 0.9 s"),
+        (Quality.UNCERTAIN, "nothing on the map is seen: for 1.0 s"),
+        (Quality.LOST, "nothing on the map is seen: for 2.1 s"),
         (Quality.TRACKING, ""),
     ]
     told = [monitor.assess(k, {"laser": FRESH}, QUIET, estimate_of(*doubt)) for k, doubt in enumerate(doubts)]
     assert [health.state for health, _ in told] == ["running", "degraded", "degraded", "lost", "running"]
     assert [len(events) for _, events in told] == [1, 1, 0, 1, 1]
-    assert told[3][1][0].reason == "lost: pose lost, nothing of the map is seen: for 2.1 s"
+    assert told[3][1][0].reason == "lost: pose lost, nothing on the map is seen: for 2.1 s"
 
 
 def test_a_recognised_place_is_an_event_with_its_figures() -> None:
@@ -80,7 +80,7 @@ def test_a_recognised_place_is_an_event_with_its_figures() -> None:
         map_id=1, joined=2, odds=16.4, mirror_odds=3.1, probability_wrong=1e-3, matches=9, moved_m=35.8, turned_rad=-0.5
     )
     (event,) = monitor.assess(2, {"laser": FRESH}, QUIET, replace(WELL, recognition=found))[1]
-    for part in ("map 1", "map 2", "9 landmarks", "odds 16 (the mirror's 3)", "0.001", "35.8 m", "-29 deg"):
+    for part in ("map 1", "map 2", "9 landmarks", "odds 16 (mirror image 3)", "0.001", "35.8 m", "-29 deg"):
         assert part in event.reason
     (event,) = monitor.assess(3, {"laser": FRESH}, QUIET, replace(WELL, recognition=Recognition(3, is_new=True)))[1]
     assert event.kind == "new map"

@@ -15,7 +15,7 @@ LASER = SensorHealth(
         "clock_drift_ppm": 19.6,
         "clock_drift_uncertainty_ppm": 2.2,
     },
-    {"model": "UTM-30LX", "serial_number": "00903971", "advice": "laser.rate_hz = 15: 13.3 a second come"},
+    {"model": "UTM-30LX", "serial_number": "00903971", "advice": "laser.rate_hz = 15: it sends 13.3 a second"},
 )
 
 

@@ -125,7 +125,7 @@ def test_every_doubt_has_a_reason_whose_name_does_not_change_with_its_figures() 
     for scans in (20, 25, 30):
         monitor, now_ns = after(*[GOOD] * 20, *[replace(GOOD, found=0, against=0.0)] * scans)
         names.add(monitor.judge(now_ns, NARROW, 0.0).doubt.split(":")[0])
-    assert names == {"nothing of the map is seen"}
+    assert names == {"nothing on the map is seen"}
     assert after(GOOD)[0].judge(TICK_NS, NARROW, 0.0).doubt == ""
 
 

@@ -152,7 +152,7 @@ class PtyPort:
     def open(self) -> Wire:
         """Make the terminal and the link. Raises LinkError if the name is taken by something else."""
         if self._path.exists() and not self._path.is_symlink():
-            raise LinkError(f"{self._path} exists and is no link; choose another path for the pseudo-terminal")
+            raise LinkError(f"{self._path} exists and is not a link; choose another path for the pseudo-terminal")
         master, slave = pty.openpty()
         tty.setraw(slave)
         self._path.unlink(missing_ok=True)

@@ -34,7 +34,7 @@ class Course:
         edges = np.diff(np.vstack((corners, corners[:1])), axis=0)
         lengths = np.hypot(edges[:, 0], edges[:, 1])
         if np.any(lengths < 1e-3):
-            raise ValueError(f"corners_m: two of them fall together, expected distinct ones: {corners_m}")
+            raise ValueError(f"corners_m: two of them coincide, expected distinct ones: {corners_m}")
         directions = np.arctan2(edges[:, 1], edges[:, 0])
         knots, slopes, curvature = [0.0], [0.0], 0.0
         left_over = lengths[0]

@@ -73,12 +73,12 @@ def read_eds(path: Path, node: int) -> Any:
     if path.stat().st_size > LARGEST_BYTES:
         raise DriverError(f"{path}: has more than {LARGEST_BYTES >> 20} MB; give the path of an EDS in layout.file")
     if ENDLESS.search(path.read_bytes()):
-        raise DriverError(f"{path}: counts millions of entries, which no device has; mend the file or name another")
+        raise DriverError(f"{path}: counts millions of entries, which no device has; correct the file or name another")
     try:
         return canopen.import_od(str(path), node)
     except Exception as error:
         reason = " ".join(str(error).split())[:200]
-        raise DriverError(f"{path}: not an EDS that can be used ({reason}); mend the file or name another") from error
+        raise DriverError(f"{path}: not a usable EDS ({reason}); correct the file or name another") from error
 
 
 def mapped_message(dictionary: Any, tpdo: int, wheel: Wheel, path: Path) -> MessageSettings:
@@ -90,7 +90,7 @@ def mapped_message(dictionary: Any, tpdo: int, wheel: Wheel, path: Path) -> Mess
         signals = _signals(dictionary, entries)
     except Exception as error:
         raise DriverError(
-            f"{path}: has no TPDO{tpdo} with a default mapping that can be used; set layout.tpdo to one that it has"
+            f"{path}: has no TPDO{tpdo} with a usable default mapping; set layout.tpdo to one that it has"
         ) from error
     if not any(signal.name == "position" for signal in signals):
         raise DriverError(f"{path}: TPDO{tpdo} does not map the position 6004h; set layout.tpdo to the one that does")

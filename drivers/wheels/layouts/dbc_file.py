@@ -42,9 +42,7 @@ def dbc_messages(path: Path, names: Iterable[str], signals: Collection[str] = ()
     chosen = [block for block in blocks if block.name in wanted]
     for block in chosen:
         if by_name[block.name] > 1:
-            raise DriverError(
-                f"{path}: message {block.name} stands there {by_name[block.name]} times; keep one of them"
-            )
+            raise DriverError(f"{path}: message {block.name} is defined {by_name[block.name]} times; keep one of them")
         if by_id[block.number] > 1:
             others = " and ".join(other.name for other in blocks if other.number == block.number)
             raise DriverError(
@@ -63,7 +61,7 @@ def dbc_messages(path: Path, names: Iterable[str], signals: Collection[str] = ()
         except Exception as error:  # noqa: BLE001 cantools' parser has a family of its own
             failure = failure or error  # the one with all signals tells more
     reason = " ".join(str(failure).split())[:200]
-    raise DriverError(f"{path}: not a DBC that can be used ({reason}); mend the file or name another") from failure
+    raise DriverError(f"{path}: not a usable DBC ({reason}); correct the file or name another") from failure
 
 
 def _read(blocks: "list[_Block]") -> dict[str, Message]:
@@ -113,7 +111,7 @@ def _text(path: Path) -> str:
             continue
         break
     if "BO_" not in text:
-        raise DriverError(f"{path}: holds no message (BO_), so it is no DBC; give the path of one in layout.file")
+        raise DriverError(f"{path}: holds no message (BO_), so it is not a DBC; give the path of one in layout.file")
     return COMMENT.sub("", text)
 
 

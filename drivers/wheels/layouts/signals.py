@@ -37,7 +37,7 @@ def quantity(message: Message, name: str, unit_factor: float) -> Quantity:
     factor = scale * unit_factor
     if not LEAST_FACTOR <= abs(factor) <= 1.0 / LEAST_FACTOR or not abs(offset) < 1.0 / LEAST_FACTOR:  # false for NaN
         raise DriverError(
-            f"signal {name} of message {message.name} has the scale ({scale:g},{offset:g}); mend the file"
+            f"signal {name} of message {message.name} has the scale ({scale:g},{offset:g}); correct the file"
         )
     return Quantity(name, factor, offset * unit_factor)
 

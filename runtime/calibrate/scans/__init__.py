@@ -1,1 +1,1 @@
-"""What do scans alone tell of the laser and its motion? Begin at match.py."""
+"""What do scans alone say about the laser and its motion? Begin at match.py."""

@@ -27,7 +27,7 @@ def candump_line(line: str) -> tuple[float, str, CanFrame]:
         return _seconds(found["time"]), found["channel"], _logged(found["id"], found["rest"])
     found = VIEWED.match(line.strip())
     if found is None:
-        raise ValueError("it is no line of candump -l or candump -ta")
+        raise ValueError("it is not a line of candump -l or candump -ta")
     return _seconds(found["time"]), found["channel"], _viewed(found["id"], int(found["length"]), found["rest"])
 
 
@@ -44,7 +44,7 @@ def _viewed(identity: str, length: int, rest: str) -> CanFrame:
         return _frame(identity, b"", REMOTE)
     data = _bytes(rest.replace(" ", "")[: 2 * length], FD_BYTES)
     if len(data) != length:
-        raise ValueError(f"it has {len(data)} bytes, [{length}] are announced")
+        raise ValueError(f"it has {len(data)} bytes but announces [{length}]")
     return _frame(identity, data, FD if length > CLASSIC_BYTES else 0)
 
 
@@ -58,7 +58,7 @@ def _frame(identity: str, data: bytes, flags: int = 0) -> CanFrame:
 
 def _bytes(text: str, most: int) -> bytes:
     if not BYTES.fullmatch(text) or len(text) > 2 * most:
-        raise ValueError(f"{text[:20]!r} are not up to {most} bytes in hexadecimal")
+        raise ValueError(f"{text[:20]!r} is not up to {most} bytes in hexadecimal")
     return bytes.fromhex(text)
 
 
@@ -68,5 +68,5 @@ def _seconds(text: str) -> float:
         return datetime.fromisoformat(text.strip()).replace(tzinfo=UTC).timestamp()
     seconds = float(text)
     if not abs(seconds) < LATEST_S:
-        raise ValueError(f"{text} is no time in seconds")
+        raise ValueError(f"{text} is not a time in seconds")
     return seconds

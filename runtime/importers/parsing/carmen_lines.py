@@ -142,7 +142,7 @@ def _numbers(words: list[str]) -> list[float]:
     numbers = [float(word) for word in words]
     for word, number in zip(words, numbers, strict=True):
         if not math.isfinite(number):
-            raise ValueError(f"{word} is no number")
+            raise ValueError(f"{word} is not a number")
     return numbers
 
 

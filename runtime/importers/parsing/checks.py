@@ -82,7 +82,7 @@ def checked(path: Path, arrays: Arrays, meta: Mapping[str, Any], left_out: LeftO
         if not present or first not in present:
             if present and group in (SCANS, ODOMETRY, SIGHTINGS) and set(present) != {"scan_odom_pose"}:
                 raise DataSetError(
-                    f"{path} has {next(iter(present))} but no {first}: nobody knows when it was measured"
+                    f"{path} has {next(iter(present))} but no {first}: the time of measurement is unknown"
                 )
             if present and group is TRUTH:
                 left_out.warnings.append(f"the truth is left out: {next(iter(present))} has no times (array gt_t)")
@@ -90,7 +90,8 @@ def checked(path: Path, arrays: Arrays, meta: Mapping[str, Any], left_out: LeftO
         for name, array in present.items():
             if len(array) != len(present[first]):
                 raise DataSetError(
-                    f"{path}: {name} has {len(array)} rows and {first} has {len(present[first])}; they must be as long"
+                    f"{path}: {name} has {len(array)} rows and {first} has {len(present[first])}; they must "
+                    "have the same length"
                 )
         if lacking := [name for name in REQUIRED.get(first, ()) if name not in present]:
             raise DataSetError(f"{path} has {first} but no {lacking[0]}; nothing was written")
@@ -105,7 +106,7 @@ def number(place: object, name: str, value: Any, least: float = -LARGEST, most: 
     """A number of a description. Raises DataSetError with the value and what was expected."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
         wanted = "a number" if (least, most) == (-LARGEST, LARGEST) else f"a number from {least:g} to {most:g}"
-        raise DataSetError(f"{place}: meta.{name} = {value!r}, expected {wanted}; mend the description")
+        raise DataSetError(f"{place}: meta.{name} = {value!r}, expected {wanted}; correct the description")
     return float(value)
 
 
@@ -151,16 +152,16 @@ def _usable(path: Path, what: str, first: str, group: Arrays, left_out: LeftOut)
         timely = np.abs(times_s) < LATEST_S
         if not timely.any() and rows.size:
             raise DataSetError(f"{path}: {first}[0] = {times_s[0]:g}, expected seconds; nothing was written")
-        _leave_out(rows, timely, what, f"{first} is no time in seconds", first, left_out)
+        _leave_out(rows, timely, what, f"{first} is not a time in seconds", first, left_out)
     for name, array in group.items():
         if name not in MAY_BE_NAN and not name.endswith("_t"):
             fits = np.abs(array) < LARGEST  # false for NaN
             finite = np.asarray(fits if array.ndim == 1 else fits.all(axis=1), bool)
-            _leave_out(rows, finite, what, f"{name} is no finite number", name, left_out)
+            _leave_out(rows, finite, what, f"{name} is not a finite number", name, left_out)
     if first in ("scan_t", "odom_t", "gt_t"):
         times_s[~rows] = np.nan
         rising = longest_rising(times_s.round(9))
-        _leave_out(rows, rising, what, f"{first} does not rise there", first, left_out)
+        _leave_out(rows, rising, what, f"{first} does not increase there", first, left_out)
     return rows
 
 

@@ -47,12 +47,12 @@ def line_times(columns: Sequence[FloatArray], is_scan: BoolArray, is_odometry: B
     else:
         beats = max(np.count_nonzero(is_scan), np.count_nonzero(is_odometry))
         spread_s = np.arange(len(is_scan)) * (ASSUMED_S * beats / len(is_scan))
-        said = f"lines are put in their order, {ASSUMED_S} s apart: speeds are not true"
+        said = f"lines are put in order, {ASSUMED_S} s apart: speeds are not real"
     return LineTimes(
         spread_s,
         np.ones(len(is_scan), bool),
-        lost=f"only {_told_apart(clock, is_scan)} of {np.count_nonzero(is_scan)} scans can be told apart by their "
-        f"stamps, which lack digits or jump; {said}",
+        lost=f"only {_told_apart(clock, is_scan)} of {np.count_nonzero(is_scan)} scans have distinct stamps, "
+        f"because digits are missing or stamps jump; {said}",
     )
 
 

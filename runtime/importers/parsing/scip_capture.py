@@ -28,14 +28,14 @@ DRIFT_MAX_PPM = 200.0
 URG = Parameters("URG-04LX", 20, 5600, 1024, 44, 725, 384, 600)
 UTM = Parameters("UTM-30LX", 23, 60000, 1440, 0, 1080, 540, 2400)
 USELESS = {
-    "checksum_errors": "a sum is wrong",
-    "framing_errors": "the message is not whole",
+    "checksum_errors": "a checksum is wrong",
+    "framing_errors": "the message is incomplete",
     "wrong_size": "another number of steps than was asked for",
     "stale_stamp": "the laser's clock stood still",
     "frozen_scans": "the ranges are frozen",
     "future_stamps": "the stamp lies after the arrival",
     "out_of_order": "the stamp is not later than the one before",
-    "refused": "the laser said why there is none",
+    "refused": "the laser said why it sends none",
 }
 
 

@@ -22,7 +22,7 @@ CHUNK_BYTES = 4 << 20  # what waits behind a disk that stands must not become a 
 SYNC_NS = 1_000_000_000
 ROOM_NS = 5_000_000_000
 RETRY_NS = 500_000_000
-MOVED = "the run lies on another file system than at its start; was its disk unplugged?"
+MOVED = "the run is on another file system than at its start; was its disk unplugged?"
 
 
 class Storage:
@@ -127,7 +127,7 @@ class Storage:
             self._segments.sync()
             self._troubles["sync"] = ""
         except OSError as error:
-            self._troubles["sync"] = f"run.mcap is not safe on disk ({error.strerror})"
+            self._troubles["sync"] = f"run.mcap is not safely on disk ({error.strerror})"
 
     def _make_room(self, now_ns: int) -> None:
         try:

@@ -1,1 +1,1 @@
-"""What did the parts of the rover report, told shortly? repeated.py makes one row of many, states.py sums up health."""
+"""What did the parts of the rover report, in short? repeated.py makes one row of many, states.py sums up health."""

@@ -1,3 +1,3 @@
-"""What does each fault look like in the facts of a run? One file for each component; judge.py beside this folder asks
-them all.
+"""What does each fault look like in the facts of a run? One file for each component; judge.py, next to this folder,
+asks them all.
 """

@@ -94,12 +94,13 @@ def _mirrored(facts: RunFacts) -> list[Finding]:
         Finding(
             "laser_mirrored",
             Severity.ERROR,
-            "The scans are mirrored: they turn to the left where the wheels turn to the right",
-            ("wheels and scans agree once left and right are exchanged in every scan, and do not as configured",),
-            "the laser stands upright, and the configuration says upside down"
+            "The scans are mirrored: they turn left when the wheels turn right",
+            ("wheels and scans agree if left and right are swapped in every scan, and disagree as configured",),
+            "the laser stands upright, but the configuration says upside down"
             if believed
-            else "the laser hangs upside down, or the left and the right wheel are exchanged",
-            f"set slam.mount.upside_down = {str(not believed).lower()}; exchange the wheels where the map is mirrored",
+            else "the laser hangs upside down, or the left and right wheels are swapped",
+            f"set slam.mount.upside_down = {str(not believed).lower()}; swap the wheels if it is the map "
+            "that is mirrored",
         )
     ]
 
@@ -115,8 +116,8 @@ def _turned(facts: RunFacts) -> list[Finding]:
             "laser_yaw",
             Severity.ERROR,
             f"The laser is turned by {math.degrees(turned_rad):+.0f} deg from its configured yaw",
-            ("wheels and scans agree once the mount is turned by that, and do not as configured",),
-            "the laser looks backwards or to a side",
+            ("wheels and scans agree if the mount is turned by that angle, and disagree as configured",),
+            "the laser faces backwards or sideways",
             f"set slam.mount.yaw_rad = {yaw_rad:.4f}",
         )
     ]
@@ -137,7 +138,7 @@ def _disagreement(result: Calibration) -> list[Finding]:
             Severity.WARN,
             "The wheels and the laser disagree about the motion",
             result.missing[:1],
-            "counts per turn, a sign, a radius or the mount are wrong, or the wheels slip all the time",
+            "counts per turn, a sign, a radius or the mount is wrong, or the wheels slip all the time",
             "check vehicle.counts_per_rev, vehicle.wheel_radius_left_m, _right_m and slam.mount",
         )
     ]
@@ -159,7 +160,7 @@ def _radii(fit: Fit, causes: Sequence[Cause]) -> list[Finding]:
     radii = (left * start_m[0] + start_m[0], right * start_m[1] + start_m[1])
     remedy = f"set vehicle.wheel_radius_left_m = {radii[0]:.4f}, wheel_radius_right_m = {radii[1]:.4f}"
     if abs(left - right) < LEAST_RADIUS:
-        title = f"Both wheels are {_ratio_text(0.5 * (left + right))} than configured: distances are wrong by as much"
+        title = f"Both wheels are {_ratio_text(0.5 * (left + right))} than configured, and so are all distances"
         cause_text = "the radii or the counts per turn are wrong"
         return [Finding("wheel_scale", Severity.WARN, title, tuple(evidence), cause_text, remedy)]
     if len(wheels) > 1 and min(abs(left), abs(right)) >= LEAST_RADIUS:
@@ -180,7 +181,7 @@ def _evidence(cause: Cause, what: str, shown: float = 1e3, unit: str = "mm") -> 
     half = NORMAL_95 * cause.deviation * shown
     return (
         f"{what}: {cause.value * shown:+.3g} {unit} from the configured value, +- {half:.2g} (95 %); "
-        f"{cause.significance:.1f} standard deviations, by matching scans against the wheels"
+        f"{cause.significance:.1f} standard deviations, from matching scans against the wheels"
     )
 
 
@@ -204,8 +205,9 @@ def _said(name: str, off: float, start: float) -> tuple[str, str, str, str]:
     if name == "tread_m":
         return (
             "tread",
-            f"The tread is {value:.3f} m, {_ratio_text(off / start)} than configured: turns are wrong by as much",
-            "the tread was measured between other points than where the wheels touch the ground",
+            f"The tread is {value:.3f} m, {_ratio_text(off / start)} than configured; turns are wrong by "
+            "the same ratio",
+            "the tread was not measured between the points where the wheels touch the ground",
             f"set {key} = {value:.3f}",
         )
     if name == "laser_yaw_rad":
@@ -219,13 +221,13 @@ def _said(name: str, off: float, start: float) -> tuple[str, str, str, str]:
         return (
             "laser_latency",
             f"Scans are stamped {abs(off) * 1e3:.0f} ms {'late' if off > 0 else 'early'}",
-            "a delay between measurement and stamp that the configuration does not know, or late wheel stamps",
+            "a delay between measurement and stamp that is not configured, or late wheel stamps",
             f"change {key} by {-off:+.3f}",
         )
     axis = "x" if name == "laser_x_m" else "y"
     return (
         "laser_offset",
-        f"The laser stands {abs(off) * 100.0:.0f} cm from where it is configured ({axis})",
-        "the mount was measured from another point than the middle of the axle",
+        f"The laser is mounted {abs(off) * 100.0:.0f} cm from its configured position ({axis})",
+        "the mount was not measured from the middle of the axle",
         f"{key} = {value:.3f}",
     )

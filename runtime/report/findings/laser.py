@@ -62,7 +62,7 @@ def _silent(facts: RunFacts) -> list[Finding]:
             Severity.ERROR if longest >= SILENT_ERROR_S else Severity.WARN,
             f"The laser sent no usable scan during {spans_text(intervals)}",
             (
-                f"none for up to {longest:.1f} s; silence counts from {least_s:.1f} s on",
+                f"none for up to {longest:.1f} s; gaps longer than {least_s:.1f} s count as silence",
                 *driver_reports(said),
             ),
             cause,
@@ -85,8 +85,8 @@ def _not_recorded(facts: RunFacts) -> list[Finding]:
             Severity.INFO,
             f"The recording holds no scans during {spans_text(intervals)}",
             (f"for up to {longest:.1f} s; scans are usually {expected_period_s(facts):.2f} s apart",),
-            "the data set was thinned, or the laser was not recorded then",
-            "nothing needs to be done: the pose in between is predicted from the wheels",
+            "the data set was thinned out, or the laser was not recorded then",
+            "no action needed: the pose in between is predicted from the wheels",
             intervals,
         )
     ]
@@ -97,7 +97,7 @@ def _damage(facts: RunFacts) -> list[Finding]:
     findings = []
     for kinds, name, title in (
         (("checksum_errors", "framing_errors", "torn_messages"), "laser_checksum", "Laser messages arrived damaged"),
-        (("frozen_scans",), "laser_frozen", "The laser repeated the same ranges"),
+        (("frozen_scans",), "laser_frozen", "The laser kept sending the same ranges"),
     ):
         events = facts.events_of("laser", *kinds)
         if not events:
@@ -131,14 +131,14 @@ def _restarts(facts: RunFacts) -> list[Finding]:
     stands = any(event.kind == "stale_stamp" for event in events)
     restarted = any(event.kind == "clock_restarts" for event in events) and not stands
     cause, remedy = restart_cause(around(facts, intervals)) if restarted or stands else MISBEHAVES
-    said = "the laser or its clock restarted" if restarted else "they stand still or run backwards"
+    said = "the laser or its clock restarted" if restarted else "the stamps stand still or run backwards"
     return [
         Finding(
             "scan_stamps_jump",
             Severity.WARN,
             f"Scan stamps jumped{at}: {said}",
             (
-                *((f"the filter refused {refusals} scans for their stamp",) if refusals else ()),
+                *((f"the filter refused {refusals} scans because of their stamp",) if refusals else ()),
                 *((f"the filter refused {ahead} scans from the future",) if ahead else ()),
                 *driver_reports(events),
             ),
@@ -172,7 +172,7 @@ def _rate(facts: RunFacts) -> list[Finding]:
     even = _is_even(starts, steps, short & (missing > 0), period_s)
     name = "laser_rate_low" if even else "laser_scans_lost"
     rate_hz = float(1.0 / np.mean(steps[short]))
-    cause = "the motor turns too slowly, or the laser skips sweeps" if name == "laser_rate_low" else "sweeps get lost"
+    cause = "the motor turns too slowly, or the laser skips sweeps" if name == "laser_rate_low" else "sweeps are lost"
     return [
         Finding(
             name,
@@ -181,10 +181,14 @@ def _rate(facts: RunFacts) -> list[Finding]:
             (
                 f"missing during {spans_text(intervals)}" if intervals else "missing now and then",
                 f"lost at {'even' if even else 'uneven'} intervals",
-                *(("every sweep arrived; where two came in one beat, the loop used the newer one",) if arrived else ()),
+                *(
+                    ("every sweep arrived; when two came within one beat, the loop used the newer one",)
+                    if arrived
+                    else ()
+                ),
             ),
-            f"{cause}: the network or the host is too busy, there is interference, or the laser is set so",
-            "connect the laser by a cable of its own, and let nothing else ask it for scans; see laser.url",
+            f"{cause}: the network or the host is too busy, there is interference, or the laser is configured that way",
+            "connect the laser by its own cable, and let no other program request scans; see laser.url",
             intervals,
         )
     ]
@@ -224,7 +228,7 @@ def _late(facts: RunFacts) -> list[Finding]:
             f"Scans arrived late: {share:.0%} of them were older than {LATE_S * 1e3:.0f} ms at their beat",
             (f"median age {middle_s * 1e3:.0f} ms, 99 % {most_s * 1e3:.0f} ms", *driver_reports(events)),
             "the network or the host delays them; the pose in between is predicted from the wheels",
-            "connect the laser by a cable of its own; raise loop.priority so that other work on the host waits",
+            "connect the laser by its own cable; raise loop.priority so that other work on the host has to wait",
             intervals,
         )
     ]
@@ -251,8 +255,11 @@ def _drift(facts: RunFacts) -> list[Finding]:
             "laser_clock_drift",
             Severity.WARN,
             f"The laser's clock runs {abs(ppm):.0f} ppm {'fast' if ppm > 0 else 'slow'}",
-            (f"it gained {ahead_s * 1e3:+.0f} ms on the host during {span_text(measured)}; a crystal keeps 100 ppm",),
+            (
+                f"it gained {ahead_s * 1e3:+.0f} ms on the host during {span_text(measured)}; a good "
+                "crystal stays within 100 ppm",
+            ),
             "a worn or cold oscillator in the laser, or the host's clock is being slewed",
-            "nothing needs to be done now: the driver follows; check the host's time service if all devices drift",
+            "no action needed now: the driver follows; check the time service of the host if all devices drift",
         )
     ]

@@ -11,22 +11,22 @@ BEFORE_S, AFTER_S = 2.0, 1.5  # around a silence: what led to it, and what the d
 BROKEN = ("broke", "closed the connection", "nothing listens", "no route", "unreachable")
 POWER: Advice = ("the laser was switched off and on, or lost power", "check the laser's power supply and plug")
 RESET: Advice = (
-    "the laser's clock was reset while it went on measuring: its firmware, as it kept its connection",
+    "the laser's firmware reset its clock while it went on measuring: the connection stayed up",
     "update the laser's firmware; see laser.stamp_reference",
 )
-STANDS: Advice = ("the laser's clock stands still", "switch the laser off and on, and update its firmware")
+STANDS: Advice = ("the laser's clock has stopped", "switch the laser off and on, and update its firmware")
 MALFUNCTION: Advice = (
-    "the laser reported a malfunction that only a reboot ends",
-    "have it serviced if that happens again",
+    "the laser reported a malfunction that only a reboot clears",
+    "have it serviced if it happens again",
 )
 LOST: Advice = (
-    "messages get lost on the way: a loose plug, interference, or a network that is too busy",
-    "connect the laser by a cable of its own, and check its plug",
+    "messages are lost on the way: a loose plug, interference, or a network that is too busy",
+    "connect the laser by its own cable, and check its plug",
 )
-LINK: Advice = ("the connection broke and was made again", "check the laser's cable, plug and power; see laser.url")
+LINK: Advice = ("the connection broke and was re-established", "check the laser's cable, plug and power; see laser.url")
 HANGS: Advice = (
-    "the laser stays connected and sends nothing: it hangs",
-    "switch it off and on; update its firmware if that happens again",
+    "the laser stays connected but sends nothing: it hangs",
+    "switch it off and on; update its firmware if it happens again",
 )
 NOTHING: Advice = (
     "nothing arrives: the power or the cable failed, or the laser hangs",
@@ -34,19 +34,22 @@ NOTHING: Advice = (
 )
 SAID = {  # kind of event, as far as it begins so: advice; the most telling first
     "malfunctions": MALFUNCTION,
-    "status_": ("the laser reported an internal fault", "look the status up in its manual, then have it serviced"),
+    "status_": ("the laser reported an internal fault", "look up the status in its manual, then have it serviced"),
     "frozen_scans": (
         "the laser repeats the same ranges: its receiver or its motor is stuck",
         "switch it off and on",
     ),
     "stale_stamp": STANDS,
-    "wrong_size": ("the laser answers another request than ours", "make sure that no other program talks to the laser"),
+    "wrong_size": (
+        "the laser answers a request that Infant did not send",
+        "make sure that no other program talks to the laser",
+    ),
     "checksum_errors": ("messages arrive damaged", "check the laser's cable and plug"),
     "not_scip": ("bytes arrive that are not SCIP messages", "check that laser.url names the laser, and its baud rate"),
     "framing_errors": ("messages arrive incomplete", "check the laser's cable and plug"),
     "torn_messages": ("messages arrive incomplete", "check the laser's cable and plug"),
     "garbage": (
-        "scans arrive incomplete, while the laser answers questions as it should",
+        "scans arrive incomplete, although the laser answers questions correctly",
         "check the laser's cable and plug",
     ),
     "clock_restarts": POWER,

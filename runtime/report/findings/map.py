@@ -27,10 +27,11 @@ def changes_findings(changes: MapChanges, known: int) -> list[Finding]:
         Finding(
             "map_changed",
             Severity.WARN if gone > GRAVE_SHARE * known else Severity.INFO,
-            f"The place is not quite as the saved map has it: {gone} landmarks gone, {new} new",
+            f"The place differs from the saved map: {gone} landmarks are gone, {new} are new",
             evidence(changes),
-            "things were moved since the map was made, or landmarks of it were people and parked vehicles",
-            "nothing while the pose is good; a run with --map and without --localise-only writes a map as it is now",
+            "things were moved since the map was made, or landmarks in it were people and parked vehicles",
+            "no action needed while the pose is good; a run with --map and without --localise-only writes "
+            "an updated map",
         )
     ]
 

@@ -78,18 +78,18 @@ def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval,
                 "place landmarks: without them the pose is dead reckoning",
             )
         if facts.imported:
-            return "the recording holds no scans then", "nothing needs to be done: the pose is dead reckoning there"
+            return "the recording holds no scans then", "no action needed: the pose is dead reckoning there"
         return "no scans came", "find out why there were no scans"
     if np.median(ticks.apart_m[holds]) > UNCERTAIN_GAP_M:
         return (
-            "the particles have left the joint Gaussian, whose pose is published and may still be right",
+            "the particles have drifted from the joint Gaussian, whose pose is published and may still be right",
             "raise slam.particles; look at what happened when it began",
         )
     score = ticks.counts.get("doubt_score")
     if score is not None and np.nanmedian(score[holds]) >= 0.5 * quality.lost_score:
         return (
             "landmarks of the map are not where they should be: the rover was carried or slipped, or a match was wrong",
-            "set the rover down where the map is known; look at what happened when it began",
+            "put the rover where the map is known; look at what happened when it began",
         )
     return "too few landmarks are in view, or matches contradict each other", "raise slam.particles; place landmarks"
 
@@ -118,7 +118,7 @@ def _jumps(facts: RunFacts) -> list[Finding]:
             Severity.WARN,
             f"The pose jumped by up to {(ways[0] - ways[1])[holds].max():.1f} m during {spans_text(intervals)}",
             (f"{int(holds.sum())} steps beyond {JUMP_M} m and {JUMP_SIGMAS:.0f} standard deviations",),
-            "a wrong match was corrected, or the wheels slipped or were silent",
+            "a wrong match was corrected, or the wheels slipped or fell silent",
             "raise slam.particles; see the findings about the wheels",
             intervals,
         )
@@ -142,7 +142,7 @@ def _unmatched(facts: RunFacts) -> list[Finding]:
             Severity.WARN,
             f"No landmark was matched during {spans_text(intervals)}",
             ("the pose is dead reckoning there",),
-            "nothing in view stands still, or the front end refuses what does",
+            "nothing that stands still is in view, or the front end rejects it",
             "let slam.front_end accept more features, or choose another course",
             intervals,
         )
@@ -155,11 +155,11 @@ def _people(facts: RunFacts) -> list[Finding]:
     intervals = intervals_where(facts.scans.times_s, moved > PEOPLE_SHARE, 2.0, PEOPLE_S)
     if not intervals:
         return []
-    evidence = (f"up to {moved.max():.0%} of the returns were near and fell where nothing was before",)
-    remedy = "nothing needs to be done: they are not used as landmarks (slam.techniques.difference)"
+    evidence = (f"up to {moved.max():.0%} of the returns were close and fell where nothing was before",)
+    remedy = "no action needed: they are not used as landmarks (slam.techniques.difference)"
     if facts.imported:  # indoors, and where scans are seconds apart, more comes into view than moves
         title = f"Things moved or came into view near the laser during {spans_text(intervals)}"
-        cause = "people, or what stands behind corners and between rare scans"
+        cause = "people, or objects behind corners that appear between infrequent scans"
         return [Finding("movement", Severity.INFO, title, evidence, cause, remedy, intervals)]
     title, cause = f"People walked by during {spans_text(intervals)}", "people, or other things that move"
     return [Finding("people", Severity.INFO, title, evidence, cause, remedy, intervals)]
@@ -205,7 +205,7 @@ def _belief(facts: RunFacts) -> list[Finding]:
                 Severity.WARN,
                 f"The pose claims a standard deviation of {claimed_m:.2f} m but is only {error_m:.2f} m off (RMS)",
                 (truth,),
-                "noise that is configured too large, or a map that began while the pose was already uncertain",
+                "the configured noise is too large, or the map began while the pose was already uncertain",
                 "lower the noise of slam.odometry to what infant calibrate finds; look at sigma at the start",
             )
         ]
@@ -217,7 +217,7 @@ def _belief(facts: RunFacts) -> list[Finding]:
             Severity.WARN,
             f"The pose is {error_m:.2f} m off (RMS) but claims a standard deviation of {claimed_m:.2f} m",
             (truth, f"{error_m / max(claimed_m, 1e-9):.0f} standard deviations"),
-            "a wrong match that nothing has contradicted since, or noise that is configured too small",
+            "a wrong match that nothing has contradicted since, or the configured noise is too small",
             "raise the sigmas of slam.front_end and the noise of slam.odometry; see where the error begins",
         )
     ]

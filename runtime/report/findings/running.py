@@ -31,9 +31,9 @@ def _short(facts: RunFacts) -> list[Finding]:
         Finding(
             "short_run",
             Severity.ERROR if facts.duration_s < NOTHING_S else Severity.WARN,
-            f"Only {facts.duration_s:.1f} s were recorded, too little to judge the run by",
+            f"Only {facts.duration_s:.1f} s were recorded, too little to judge the run",
             (f"{facts.ticks.times_s.size} ticks; at least {SHORT_S:.0f} s are needed",),
-            "the run was stopped at once, or ended early",
+            "the run was stopped immediately, or ended early",
             "record for longer; the last lines of the log say why it ended",
         )
     ]
@@ -75,7 +75,7 @@ def _late(facts: RunFacts) -> list[Finding]:
             Severity.WARN,
             f"{late.mean():.1%} of the beats began more than {LATE_MS:.0f} ms late (99 % within {p99:.0f} ms)",
             (f"the latest of them by {late_ms.max():.0f} ms",),
-            "other work on the host keeps the loop from waking up",
+            "other work on the host keeps the loop from waking up on time",
             PATH_OF_LOOP,
         )
     ]
@@ -94,7 +94,7 @@ def _slow(facts: RunFacts) -> list[Finding]:
             Severity.INFO,
             f"The filter takes up to {p99:.0f} ms of the {beat_ms:.0f} ms between beats (99 %)",
             (f"median {np.nanmedian(step_ms):.1f} ms",),
-            "many particles or landmarks for this host",
+            "too many particles or landmarks for this host",
             "lower slam.particles",
         )
     ]
@@ -109,9 +109,9 @@ def _storage(facts: RunFacts) -> list[Finding]:
             Finding(
                 "storage_gap",
                 Severity.WARN,
-                f"The record lost {ticks} ticks and {raw} raw messages; it went on at {times_text(at)}",
+                f"The record lost {ticks} ticks and {raw} raw messages; it continued at {times_text(at)}",
                 tuple(dict.fromkeys(gap.reason for gap in facts.gaps))[:3],
-                "the disk was full or slower than the data",
+                "the disk was full, or slower than the data",
                 "free space, or use a faster disk; record.raw = false halves the data",
                 tuple((second, second) for second in at),
             )
@@ -122,9 +122,9 @@ def _storage(facts: RunFacts) -> list[Finding]:
                 "recording",
                 Severity.INFO,
                 f"The run is still being recorded: these are its first {facts.duration_s:.0f} s",
-                ("what has been written so far is whole, or is being written",),
+                ("what has been written so far is intact, or is being written",),
                 "infant run holds the file open",
-                "review it again when it has ended",
+                "review it again after it has ended",
             )
         )
     elif facts.truncated:
@@ -136,9 +136,7 @@ def _storage(facts: RunFacts) -> list[Finding]:
                 "The record ends early" if torn else "The record is damaged",
                 (facts.truncated,),
                 "the process was killed, or the power failed" if torn else "a disk or a copy changed bytes",
-                "nothing needs to be done: all whole ticks are used"
-                if torn
-                else "copy the run again, and check the disk",
+                "no action needed: all complete ticks are used" if torn else "copy the run again, and check the disk",
             )
         )
     return findings
@@ -155,8 +153,8 @@ def _failed_steps(facts: RunFacts) -> list[Finding]:
         Finding(
             "defect",
             Severity.ERROR,
-            f"A defect of the filter: {times_s.size} of {facts.ticks.times_s.size} steps raised an error and lost "
-            f"their scan, during {spans_text(intervals)}",
+            f"The filter has a defect: {times_s.size} of {facts.ticks.times_s.size} steps raised an error "
+            f"and lost their scan, during {spans_text(intervals)}",
             tuple(f"{count} times: {reason}" for reason, count in reasons.most_common(3)),
             "a defect of the software",
             "report it, together with the run",

@@ -31,9 +31,9 @@ def _wrong_matches(facts: RunFacts) -> list[Finding]:
                 f"{match.off_m:.2f} m from it"
                 for match in matches[:SHOWN]
             ),
-            cause=f"something up to {first.off_m:.1f} m from landmark {first.landmark} was taken for it: what moves, "
-            "what stands beside it, or a pose that was off",
-            remedy="look at those times with infant view; the smoothed path is without these matches",
+            cause=f"something up to {first.off_m:.1f} m from landmark {first.landmark} was taken for it: a "
+            "moving object, an object next to it, or a pose that was off",
+            remedy="look at those times with infant view; the smoothed path does not use these matches",
             intervals=tuple((match.start_s, match.end_s) for match in matches),
         )
     ]
@@ -54,7 +54,7 @@ def _partings(facts: RunFacts) -> list[Finding]:
                 f"{spans_text((span,))}: up to {parting.apart_m:.2f} m, {parting.sigmas:.1f} sigma"
                 for span, parting in zip(spans[:SHOWN], partings, strict=False)
             ),
-            cause="the filter was surer than it should have been; what came later says that it was elsewhere",
+            cause="the filter was too sure of itself; later scans show that the rover was elsewhere",
             remedy="see which wrong match or slip begins there; use smoothed.tum instead of the published path",
             intervals=spans,
         )
@@ -70,12 +70,12 @@ def _doubled(facts: RunFacts) -> list[Finding]:
         Finding(
             kind="landmarks_doubled",
             severity=Severity.INFO,
-            title=f"{number} of landmarks of the map are probably one thing each",
+            title=f"{number} of landmarks in the map probably stand for one object each",
             evidence=tuple(
                 f"{pair.first} and {pair.second}, {pair.apart_m:.2f} m apart at ({pair.x_m:.1f}, {pair.y_m:.1f}) m"
                 for pair in pairs[:SHOWN]
             ),
             cause="the rover came back with a pose that was off by more than the gates and mapped them again",
-            remedy="nothing for the pose; for a map to be kept, drive the place once more before infant map save",
+            remedy="no action needed for the pose; before infant map save, drive the place once more",
         )
     ]

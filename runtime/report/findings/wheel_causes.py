@@ -7,17 +7,17 @@ from drivers.measurements import Event
 from runtime.report.facts import RunFacts
 from runtime.report.finding import Interval
 
-LAYOUT = "the frames have another layout than configured"
+LAYOUT = "the layout of the frames differs from the configured one"
 DAMAGE = {
     "crc": "frames arrive damaged, or another node sends under this id",
-    "length": f"frames have another length than the layout says: {LAYOUT}",
+    "length": f"frames have the wrong length: {LAYOUT}",
     "standard": f"frames have 11-bit ids where 29 bits are expected: {LAYOUT}",
     "extended": f"frames have 29-bit ids where 11 bits are expected: {LAYOUT}",
     "fd": "CAN FD frames arrive where classic ones are expected",
     "remote": "another node requests frames under this id",
     "two_senders": "two nodes send under one id",
     "too_soon": "two nodes send under one id",
-    "alive_frozen": "the node's program hangs",
+    "alive_frozen": "the program of the node hangs",
     "status": "the node itself reports that its counts are not valid",
     "speed_disagrees": "the encoder, its coupling or its magnet slips",
     "lost_together": "the reader was held up, or the bus was interrupted",
@@ -26,7 +26,7 @@ BUS = {  # kind of event: cause; the gravest first
     "bus_off": "the CAN controller went off the bus after too many errors: wiring, termination or bit rate",
     "passive": "the CAN controller is error-passive: wiring, termination or bit rate of the bus",
     "warning": "the CAN controller is at its error-warning limit: wiring or termination of the bus",
-    "bitrate": "the CAN bus carries only errors: another bit rate than configured, or broken wiring",
+    "bitrate": "the CAN bus carries only errors: the bit rate differs from the configured one, or the wiring is broken",
     "restarted": "the CAN bus was interrupted: wiring or termination",
 }
 BEFORE_S, AFTER_S = 0.5, 0.5
@@ -64,12 +64,12 @@ def silence_cause(events: Sequence[Event], faults: Sequence[Event], sides: Colle
         if any(event.kind == kind for event in events):
             return cause
     if any("counts_per_rev" in event.reason for event in faults):
-        return "its counts are refused because another node is configured"
+        return "its counts are rejected because the configuration describes another node"
     for event in faults:
         if event.kind in DAMAGE and event.kind != "lost_together":
             return DAMAGE[event.kind]
     if any(event.kind == "restart" for event in events):
-        return "the node lost power: it began anew when it was back"
+        return "the node lost power and restarted when power came back"
     if len(sides) == 1:
         return "this node lost power, or its cable came loose"
     return "both nodes lost power, or the bus is broken"

@@ -58,7 +58,7 @@ def _silent(facts: RunFacts) -> list[Finding]:
                 f"The recording holds no odometry during {spans_text(intervals)}",
                 (f"for up to {longest:.1f} s; samples are usually {usual_s:.2f} s apart",),
                 "the data set holds odometry at uneven times, or the vehicle stood still",
-                "nothing needs to be done: after slam.odometry.gap_s the motion counts as unknown",
+                "no action needed: after slam.odometry.gap_s the motion counts as unknown",
                 intervals,
             )
         ]
@@ -104,7 +104,7 @@ def _stuck(facts: RunFacts) -> list[Finding]:
 def _against_laser(encoder: StuckEncoder) -> tuple[str, ...]:
     return (
         f"it did not count while the other wheel rolled {encoder.other_rolled_m:.2f} m in {WINDOW_S:.1f} s",
-        "the laser did not see a turn about this wheel",
+        "the laser saw no turn about this wheel",
     )
 
 
@@ -115,8 +115,8 @@ def _stuck_finding(sides: set[str], intervals: tuple[Interval, ...], evidence: t
         Severity.WARN,
         f"{encoders_text(sides)} {was} stuck during {spans_text(intervals)}",
         evidence,
-        "the encoder's disc, coupling or channel has failed",
-        f"check coupling and channels of {wheels_text(sides)}; do not rely on the pose from then on",
+        "the disc, coupling or channel of the encoder has failed",
+        f"check coupling and channels of {wheels_text(sides)}; do not rely on the pose after that",
         intervals,
     )
 
@@ -131,7 +131,7 @@ def _damage(facts: RunFacts) -> list[Finding]:
         intervals = intervals_where(times_s, np.ones(len(times_s), dtype=np.bool_), 3.0)
         reason = kind.replace("_", " ")
         whose = wheels_text({side for event in events if (side := side_of(event))} or {"left", "right"})
-        what = "Wheel frames were lost" if kind == "lost_together" else f"Frames of {whose} were refused ({reason})"
+        what = "Wheel frames were lost" if kind == "lost_together" else (f"Frames of {whose} were rejected ({reason})")
         harmless = len(events) < OFTEN or kind == "lost_together"
         findings.append(
             Finding(
@@ -140,7 +140,7 @@ def _damage(facts: RunFacts) -> list[Finding]:
                 f"{what} during {spans_text(intervals)}",
                 (f"{len(events)} reports", *driver_reports(events, 2)),
                 cause,
-                "check cables, termination and ids of the nodes; see encoders.layout",
+                "check cables and termination, and the ids of the nodes; see encoders.layout",
                 intervals,
             )
         )
@@ -156,9 +156,10 @@ def _misconfigured(facts: RunFacts) -> list[Finding]:
         Finding(
             "wheel_misconfigured",
             Severity.ERROR,
-            f"{encoders_text(sides)} {'has' if len(sides) == 1 else 'have'} other counts per turn than configured",
+            f"{encoders_text(sides)} {'reports' if len(sides) == 1 else 'report'} other counts per turn "
+            "than configured",
             driver_reports(events, 2),
-            "another encoder or another gear than the configuration says",
+            "the encoder or the gear differs from the configured one",
             "set vehicle.counts_per_rev to what the node reports",
         )
     ]
@@ -173,8 +174,8 @@ def _single_events(facts: RunFacts, explained: Sequence[Interval]) -> list[Findi
             "wheel_jump",
             Severity.WARN,
             "The count of {} jumped",
-            "a disturbed or restarted encoder",
-            "check shielding and supply of the encoder; see vehicle.max_speed_mps",
+            "interference, or the encoder restarted",
+            "check shielding and power supply of the encoder; see vehicle.max_speed_mps",
         ),
         (
             ("restart", "gap"),
@@ -190,7 +191,7 @@ def _single_events(facts: RunFacts, explained: Sequence[Interval]) -> list[Findi
             Severity.ERROR,
             "The node of {} raised an alarm",
             "a fault of the node itself",
-            "look the code up in the node's manual",
+            "look up the code in the manual of the node",
         ),
         (
             tuple(BUS),

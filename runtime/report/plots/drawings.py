@@ -119,9 +119,7 @@ def _at(name: str, poses: Any, style: str) -> Line:
 def _timing(plots: Plots, facts: RunFacts, findings: Sequence[Finding]) -> Section:
     ticks, section = facts.ticks, Section()
     late = [Line("lateness", ticks.times_s, ticks.lateness_ms, "a")]
-    over_time(
-        plots, section, "Wake-up after the grid point", late, "lateness, ms", *_marked(findings, "missed", "late")
-    )
+    over_time(plots, section, "Delay of each beat", late, "lateness, ms", *_marked(findings, "missed", "late"))
     stages = [Line(name, ticks.times_s, values, "q") for name, values in parts_of_a_tick(facts)]
     shown = plots.stacked(stages, "duration, ms")
     section.add("Stages of a tick", shown, legend_of_stack([line.name for line in stages]))
@@ -175,7 +173,7 @@ def _filter(plots: Plots, facts: RunFacts, findings: Sequence[Finding]) -> Secti
     sure = ticks.position_sd_m < 100.0
     deviation = [
         Line("standard deviation", ticks.times_s[sure], ticks.position_sd_m[sure], "a"),
-        Line("distance between both estimators", ticks.times_s, ticks.apart_m, "b"),
+        Line("distance between the two estimators", ticks.times_s, ticks.apart_m, "b"),
     ]
     over_time(plots, section, "Position", [line for line in deviation if line.x.size], "distance, m", *marked)
     over_time(plots, section, "Effective particles", counted("effective_particles"), "particles")

@@ -43,7 +43,7 @@ class IdTraffic:
         rate = "once" if self.rate_hz is None else f"{self.rate_hz:.1f} Hz"
         moving = ", ".join(map(str, self.moving_bytes)) or "none"
         more = "".join(f"; {each}" for each in (self.alive, self.crc) if each)
-        return f"{self.name}  {rate}, {self.length} bytes, bytes that change: {moving}{more}"
+        return f"{self.name}  {rate}, {self.length} bytes, changing bytes: {moving}{more}"
 
     def as_json(self) -> dict[str, Any]:
         """As --json prints it."""

@@ -44,7 +44,7 @@ def layouts_in(path: Path, traffic: Sequence[IdTraffic]) -> list[LayoutFound]:
         messages = list(database.messages)
     except (OSError, ValueError, AttributeError, cantools.Error) as error:
         reason = " ".join(str(error).split())[:200]
-        raise DriverError(f"{path}: not a DBC that can be used ({reason}); give another --dbc") from error
+        raise DriverError(f"{path}: not a usable DBC ({reason}); give another with --dbc") from error
     heard = {(each.number, each.extended): each for each in traffic if (each.rate_hz or 0.0) >= LEAST_HZ}
     come = [(m, heard[m.frame_id, m.is_extended_frame]) for m in messages if (m.frame_id, m.is_extended_frame) in heard]
     signals = {(m.name, s.name): (s, found) for m, found in come for s in m.signals}
@@ -77,7 +77,7 @@ def _layout(
         for message, name in (left, right)
     ]
     layout = DbcLayout(file=str(path.resolve()), left=sides[0], right=sides[1])
-    why = f"{traffic.name} and what {path.name} says of it: {left[1]} and {right[1]}"
+    why = f"{traffic.name} as {path.name} describes it: {left[1]} and {right[1]}"
     return LayoutFound(f"DBC {path.name}", layout, traffic.rate_hz or 0.0, why)
 
 

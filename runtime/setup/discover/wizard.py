@@ -70,7 +70,7 @@ def set_up(
     UsageError where the bus has no such name, ConfigurationError where the geometry cannot be.
     """
     if path.exists():
-        raise StorageError(f"{path} exists; a configuration is never overwritten, give another --out")
+        raise StorageError(f"{path} exists; a configuration is never overwritten, give another name with --out")
     find, listen = search
     urls = laser_urls() if known.laser_url is None else [known.laser_url]
     laser = find(urls)
@@ -84,17 +84,17 @@ def set_up(
     if not fitting:
         heard = ", ".join(each.name for each in traffic)
         raise SensorError(
-            f"ids {heard} are heard on {bus.channel}, but no layout that Infant knows fits them; give the DBC of their "
+            f"ids {heard} are heard on {bus.channel}, but no known layout fits them; give the DBC of their "
             "maker with --dbc FILE, or name its signals in [encoders.layout]"
         )
     for fit in fitting:
-        say(f"wheels    {fit.name}: heard {fit.why}")
+        say(f"wheels    {fit.name}, recognised by {fit.why}")
     text = configuration_text(name, laser, bus, fitting[0], geometry())
     load_configuration_text(text, source=str(path), recorded=False)
     try:
         atomic_write(path, text)
     except OSError as error:
-        raise StorageError(f"{path} cannot be written ({error.strerror}); give another --out") from error
+        raise StorageError(f"{path} cannot be written ({error.strerror}); give another name with --out") from error
     return SetupResult(path, laser, bus, traffic, fitting, text)
 
 
@@ -103,8 +103,8 @@ def next_lines(path: Path) -> list[str]:
     return [
         f"written   {path}",
         f"next      infant check --config {path} --live",
-        f"then      infant run --config {path} --duration 90, while you drive two loops to the left, two to the right "
-        "and 5 m straight on; begin and end at rest",
+        f"then      infant run --config {path} --duration 90, while you drive two loops to the left, two to "
+        "the right and 5 m straight; start and end at rest",
         f"          infant calibrate RUN --config {path} --write {path}",
     ]
 
@@ -113,7 +113,9 @@ def _busiest(name: str | None, listen: Hear) -> tuple[BusSettings, list[IdTraffi
     """The bus on which the most is heard. Raises SensorError, UsageError."""
     names = can_interfaces() if name is None else [name]
     if not names:
-        raise SensorError("this machine has no CAN interface; plug the adapter in, or give --can, for example can0")
+        raise SensorError(
+            "this machine has no CAN interface; plug in the adapter, or give --can, for example --can can0"
+        )
     heard: list[tuple[BusSettings, list[IdTraffic]]] = []
     troubles = []
     for each in names:
@@ -128,5 +130,5 @@ def _busiest(name: str | None, listen: Hear) -> tuple[BusSettings, list[IdTraffi
     busiest = max(heard, key=lambda each: sum(found.frames for found in each[1]), default=None)
     if busiest is None or not busiest[1]:
         why = "; ".join(troubles) or "check power, bit rate and termination of the bus"
-        raise SensorError(f"nothing is heard on {', '.join(names)} in {LISTEN_S:g} s: {why}")
+        raise SensorError(f"nothing was heard on {', '.join(names)} in {LISTEN_S:g} s: {why}")
     return busiest

@@ -58,7 +58,7 @@ def configuration_text(name: str, laser: LaserFound, bus: BusSettings, wheels: L
 
 def _layout_lines(wheels: LayoutFound) -> list[str]:
     layout = wheels.layout
-    head = f"[encoders.layout]  # {wheels.name}: heard {wheels.why}"
+    head = f"[encoders.layout]  # {wheels.name}, recognised by {wheels.why}"
     if isinstance(layout, PresetLayout):
         words = ['kind = "preset"', f"name = {json.dumps(layout.name)}"]
     elif isinstance(layout, Cia406Layout):
@@ -71,7 +71,7 @@ def _layout_lines(wheels: LayoutFound) -> list[str]:
     return [
         head,
         *words,
-        f"left_node = {layout.left_node}  # exchange both if the rover turns left and the pose turns right",
+        f"left_node = {layout.left_node}  # swap both if the rover turns left and the pose turns right",
         f"right_node = {layout.right_node}",
     ]
 

@@ -71,7 +71,7 @@ class ScansAhead:
         assert self._child.stdout is not None
         data = self._child.stdout.read(self._bytes)
         if len(data) < self._bytes:
-            raise SensorError("the process that casts the sweeps has ended by itself; its message stands above")
+            raise SensorError("the process that casts the sweeps has ended by itself; its message is printed above")
         return np.frombuffer(data, np.float64)
 
     def _to_child(self) -> IO[bytes]:

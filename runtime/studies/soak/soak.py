@@ -205,7 +205,7 @@ def soak_lines(measured: dict[str, Any]) -> list[str]:
     sinks = "; ".join(f"{name} dropped {sink['dropped']}" for name, sink in measured["sinks"].items())
     return [
         f"{driven / 3600.0:.2f} h of driving in {measured['real_s'] / MINUTE_S:.1f} min: "
-        f"{driven / measured['real_s']:.1f} times faster than life, load {measured['load'][0]}",
+        f"{driven / measured['real_s']:.1f} times faster than real time, load {measured['load'][0]}",
         *(f"{name:14s} {value:>12s}  must be {must:12s} {'ok' if ok else 'NOT MET'}" for name, value, must, ok in rows),
         f"memory {memory['settled']} MB after a tenth of it, {memory['end']} MB at the end, growth {growth}, "
         f"small objects {measured['blocks_grown']:+d}",

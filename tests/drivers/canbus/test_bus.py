@@ -227,7 +227,7 @@ def test_what_the_kernel_throws_away_is_counted() -> None:
         writer.close()
 
 
-REMEDIES = ("pip install", "install the vendor's driver", "sudo ", "plug the adapter in", "[encoders.bus")
+REMEDIES = ("pip install", "install the vendor's driver", "sudo ", "plug in the adapter", "[encoders.bus")
 
 
 @pytest.mark.parametrize("interface", sorted(can.VALID_INTERFACES))

@@ -53,7 +53,7 @@ def test_an_unknown_model_works_from_what_it_says_and_is_named_once(monkeypatch:
     assert scan.ranges_m.shape == (101,)
     assert scan.bearings_rad[-1] == pytest.approx(2 * 3.141592653589793 / 8)
     assert len(events) == 1
-    assert "'XYZ-9' is not known" in events[0].reason
+    assert "'XYZ-9' is unknown" in events[0].reason
 
 
 def odd(monkeypatch: pytest.MonkeyPatch, change: Callable[[bytes, bytes], bytes]) -> None:
@@ -77,11 +77,11 @@ def garbled(command: bytes, pattern: bytes, by: bytes) -> Callable[[bytes, bytes
 
 ODD = {
     "VV and II silent": without(b"VV II"),
-    "a wrong sum in VV": garbled(b"VV", rb"(SERI:[^;]*;).", rb"\1~"),
+    "a wrong checksum in VV": garbled(b"VV", rb"(SERI:[^;]*;).", rb"\1~"),
     "no colon in II": garbled(b"II", rb"STAT:", b"STAT "),
     "bytes that are no text": garbled(b"VV", rb"VEND:", b"VEND:\xff\x1b[31m\x07"),
     "no status in VV": garbled(b"VV", rb"00P", b"0"),
-    "the same wrong sum in PP each time": garbled(b"PP", rb"(MODL:[^;]*;).", rb"\1~"),
+    "the same wrong checksum in PP each time": garbled(b"PP", rb"(MODL:[^;]*;).", rb"\1~"),
     "a blank after DMIN": garbled(b"PP", rb"DMIN:23;7", b"DMIN: 23;W"),
     "a ninth line in PP": garbled(b"PP", rb"(SCAN:2400;U\n)", rb"\1PROT:SCIP 2.2;P\n"),
     "a failure predicted": garbled(b"II", rb"STAT:[^\n]*", b"STAT:Failure predicted;0"),

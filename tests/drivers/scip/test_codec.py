@@ -112,7 +112,7 @@ def test_sums_over_the_semicolon_or_up_to_the_arrow_are_accepted_too() -> None:
 
 
 def test_a_key_value_line_with_a_wrong_sum_is_refused() -> None:
-    with pytest.raises(ChecksumError, match="wrong sum"):
+    with pytest.raises(ChecksumError, match="wrong checksum"):
         parse_key_values(Message(b"PP", "00", (b"DMIN:24;7",)))
 
 

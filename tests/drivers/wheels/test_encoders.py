@@ -284,7 +284,7 @@ def test_a_bus_that_comes_later_is_found(tmp_path: Path, monkeypatch: pytest.Mon
     encoders.start()
     try:
         assert wait_until(lambda: encoders.health().counters.get("bus.open", 0) >= 2)
-        assert "plug the adapter in" in encoders.health().reason
+        assert "plug in the adapter" in encoders.health().reason
         link.symlink_to(path)
         assert wait_until(lambda: encoders.health().counters.get("bus.sessions", 0) >= 1)
         send_slcan(leader, listener, 10)

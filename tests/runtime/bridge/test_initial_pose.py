@@ -77,7 +77,7 @@ def test_a_rover_that_takes_no_commands_is_named_as_one() -> None:
             assert until(lambda: not heard.empty())
     answer = heard.get()
     assert not answer.accepted
-    assert "r1 does not answer infant/r1/command/initial_pose; is it up, publish.commands on" in answer.reason
+    assert "r1 does not answer infant/r1/command/initial_pose; is it running, is publish.commands on" in answer.reason
     assert heard.empty()
 
 
@@ -111,7 +111,7 @@ def test_a_pose_written_in_dds_arrives_at_the_rover_and_its_answer_is_told(tmp_p
         def arrived() -> bool:
             writer.write(pose_bytes(1, estimate, Frames("r1")))
             events.extend(publisher.drain_events())
-            return bool(events) and "the rover looks around there" in said.getvalue()
+            return bool(events) and "the rover searches its map there" in said.getvalue()
 
         try:
             assert until(arrived), said.getvalue()

@@ -110,7 +110,7 @@ def test_drives_without_data_are_refused_in_a_sentence() -> None:
         calibrate([], START)
     with pytest.raises(DataSetError, match="0 scans"):
         calibrate([DriveData("a", (), wheels)], START)
-    with pytest.raises(DataSetError, match="0 wheel samples"):
+    with pytest.raises(DataSetError, match="0 usable wheel samples"):
         calibrate([DriveData("a", scans, ())], START)
     speeds = tuple(SpeedSteering(i * 10**8, 0.0, 0.0) for i in range(5))
     with pytest.raises(DataSetError, match="differential"):
@@ -183,5 +183,5 @@ def test_scale_and_bias_of_a_steered_axle_are_found(recorded_data: Callable[[str
 )
 def test_wheels_that_say_nothing_are_refused_in_a_sentence(wheels: tuple[WheelCounts, ...]) -> None:
     drive = replace(park_drive(2, Rover(), 3.0), wheels=wheels)
-    with pytest.raises(DataSetError, match="wheel samples of use, expected at least 2"):
+    with pytest.raises(DataSetError, match="usable wheel samples, expected at least 2"):
         calibrate([drive], START)

@@ -134,7 +134,7 @@ def test_a_killed_run_replays_to_its_last_whole_tick_and_leaves_no_process(tmp_p
     assert result.returncode == 0, result.stderr
     assert verified["identical"] is True
     assert verified["compared"] >= 5
-    assert "is not whole" in verified["truncated"]
+    assert "is incomplete" in verified["truncated"]
     deadline = time.monotonic() + 600
     while any(Path(f"/proc/{child}").exists() for child in children):
         assert time.monotonic() < deadline, "the simulated rover outlived its parent"

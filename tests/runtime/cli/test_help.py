@@ -63,7 +63,7 @@ def test_the_version_is_printed() -> None:
         (("check", "--config", "nowhere.toml", "--json"), 3, "nowhere.toml: cannot be read"),
         (("check", "--confg", "mock", "--json"), 2, "No such option"),
         (("chek", "--json"), 2, "chek"),
-        (("config", "--json"), 2, "give one of --defaults"),
+        (("config", "--json"), 2, "give exactly one of --defaults"),
         (("setup", "--yes", "--tread", "0.4", "--json"), 2, "--wheel-radius is missing"),
     ],
 )

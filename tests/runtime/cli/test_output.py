@@ -59,4 +59,4 @@ def test_a_replay_proves_nothing_of_a_run_that_is_not_what_was_closed(tmp_path: 
     ended = CliRunner().invoke(app, words)
     assert getattr(ended.exception, "exit_code", None) == 6
     assert "identical to the record of what is left" in ended.output
-    assert "run.mcap is not what was closed" in str(ended.exception)
+    assert "run.mcap is not as it was when it was closed" in str(ended.exception)

@@ -121,7 +121,7 @@ def test_a_wrong_shape_is_named_in_one_sentence(tmp_path: Path, changes: dict[st
         ({"range_max": None}, "range_max = None, expected a number from 0.001"),
         ({"angle_increment": 0.0}, "spans 0 deg"),
         ({"angle_increment": 5.0}, "expected radians"),
-        ({"no_return": ">= far"}, "no_return = '>= far', expected such as"),
+        ({"no_return": ">= far"}, "no_return = '>= far', expected something like"),
         ({"t0_unix": "today"}, "t0_unix = 'today', expected a number"),
     ],
 )
@@ -141,9 +141,9 @@ def test_rows_that_say_nothing_are_left_out_and_counted(tmp_path: Path) -> None:
     result = import_data_set(source, tmp_path / "run", config_for(tmp_path, "pose"))
     assert result["wheel_samples"] == ROWS - 4
     assert result["warnings"] == [
-        "2 of 32 odometry samples left out: odom_t is no time in seconds (first: odom_t[3])",
-        "1 of 32 odometry samples left out: odom_pose is no finite number (first: odom_pose[9])",
-        "1 of 32 odometry samples left out: odom_t does not rise there (first: odom_t[5])",
+        "2 of 32 odometry samples left out: odom_t is not a time in seconds (first: odom_t[3])",
+        "1 of 32 odometry samples left out: odom_pose is not a finite number (first: odom_pose[9])",
+        "1 of 32 odometry samples left out: odom_t does not increase there (first: odom_t[5])",
     ]
 
 

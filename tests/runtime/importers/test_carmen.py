@@ -79,11 +79,11 @@ def first_scan(archive: Archive) -> Scan:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("ODOM 0 0 0 0 0 0 1 host 1\n", "holds no scan"),
+        ("ODOM 0 0 0 0 0 0 1 host 1\n", "holds no usable scan"),
         ("FLASER 3 1 2\n", r"a\.log:1: FLASER line cannot be read"),
         ("FLASER three 1 2\n", r"a\.log:1: FLASER line cannot be read"),
         ("ODOM 0 zero 0 0 0 0 1 host 1\n", r"a\.log:1: ODOM line"),
-        ("FLASER 2 1 1 0 0 0 0 0 0 nan host nan\n", r"a\.log:1: FLASER line cannot be read \(nan is no number\)"),
+        ("FLASER 2 1 1 0 0 0 0 0 0 nan host nan\n", r"a\.log:1: FLASER line cannot be read \(nan is not a number\)"),
         ("PARAM robot_frontlaser_offset 300 0 host 0\n" + flaser((0.0, 0, 0, 0)) + "\n", "expected metres"),
     ],
 )
@@ -199,7 +199,7 @@ def test_a_scan_without_a_time_is_left_out_with_its_line(tmp_path: Path) -> None
     lines[41] = lines[41].rsplit(" ", 1)[0] + " nan"
     result = imported(tmp_path, lines)
     assert result["scans"] == 29
-    assert "nan is no number) (first: a.log:42)" in result["warnings"][0]
+    assert "nan is not a number) (first: a.log:42)" in result["warnings"][0]
 
 
 @pytest.mark.parametrize("step_s", [-3600.0, -5.0, 200_000.0])
@@ -246,7 +246,7 @@ def test_of_two_lasers_in_one_log_one_is_read_and_the_other_named(tmp_path: Path
     both = [line for pair in zip(room_log(60)[1::2], rear * 2, strict=True) for line in pair]
     result = imported(tmp_path, both)
     assert result["scans"] == 60
-    assert any("60 FLASER lines are read; 60 RLASER lines are not" in note for note in result["notes"])
+    assert any("60 FLASER lines are read, 60 RLASER lines are not" in note for note in result["notes"])
 
 
 @pytest.mark.parametrize("word", ["RLASER", "LASER3"])

@@ -120,6 +120,6 @@ def test_odometry_as_poses_may_be_rough_without_a_setting(tmp_path: Path) -> Non
         warnings = import_data_set(source, tmp_path / f"run{warned}", config)["warnings"]
         assert len(warnings) == warned
     assert (
-        "will be refused by the estimator: they move faster than 3 m/s, 1.5 times vehicle.max_speed_mps = 2"
+        "will be rejected by the estimator: they move faster than 3 m/s, 1.5 times vehicle.max_speed_mps = 2"
         in warnings[0]
     )

@@ -72,7 +72,7 @@ def test_any_damage_gives_a_run_or_one_sentence(kind: str, data: st.DataObject, 
 def test_what_is_neither_file_nor_folder_is_named(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for name, said in (
-        ("pipe", "is no file and no folder"),
+        ("pipe", "is neither a file nor a folder"),
         ("nowhere", "does not exist"),
         ("n" * 300, "cannot be read"),
     ):
@@ -88,5 +88,5 @@ def test_a_folder_of_other_files_lists_them(tmp_path: Path) -> None:
 
 def test_topics_of_what_is_no_bag_are_refused(tmp_path: Path) -> None:
     (tmp_path / "drive.log").write_bytes(FILES["carmen"])
-    with pytest.raises(UsageError, match="--scan-topic and --odom-topic choose a topic of a bag"):
+    with pytest.raises(UsageError, match="--scan-topic and --odom-topic choose a topic of a ROS bag"):
         load(tmp_path / "drive.log", Topics("/scan"), None)

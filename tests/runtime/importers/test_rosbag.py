@@ -88,7 +88,7 @@ def test_a_torn_file_is_read_as_far_as_it_goes_and_said(tmp_path: Path, share: f
     (tmp_path / "torn.mcap").write_bytes(whole[: round(share * data_end)])
     result = import_data_set(tmp_path / "torn.mcap", tmp_path / "run")
     assert share * 30 - 5 < result["scans"] < 30
-    assert any("torn.mcap is read as far as it goes" in warning for warning in result["warnings"])
+    assert any("torn.mcap is read as far as possible" in warning for warning in result["warnings"])
 
 
 @pytest.mark.parametrize("size", [13, 200, 3000])
@@ -111,7 +111,7 @@ def test_a_bag_of_ros_1_without_an_index_is_read_as_far_as_it_goes(
     result = import_data_set(tmp_path / "torn.bag", tmp_path / "run")
     assert share * 30 - 6 < result["scans"] <= 30
     assert result["mount"]["x_m"] == 0.2
-    said = any("torn.bag is read as far as it goes: " in warning for warning in result["warnings"])
+    said = any("torn.bag is read as far as possible: " in warning for warning in result["warnings"])
     assert said or result["scans"] == 30  # cut between two records of the index, which nobody needs
 
 
@@ -145,7 +145,7 @@ def test_topics_are_found_or_named(tmp_path: Path) -> None:
 
     bag = write_mcap(tmp_path / "a.mcap", twice())
     result = import_data_set(bag, tmp_path / "usual")
-    assert "/scan is taken; --scan-topic chooses another: /scan_rear" in result["notes"]
+    assert "/scan is used; --scan-topic chooses another: /scan_rear" in result["notes"]
     named = Topics("/scan_rear", "/odometry/filtered")
     assert import_data_set(bag, tmp_path / "named", topics=named)["scans"] == 30
     with pytest.raises(
@@ -186,7 +186,7 @@ def test_the_motion_of_tf_takes_the_place_of_odometry(tmp_path: Path) -> None:
 
     result = import_data_set(write_mcap(tmp_path / "a.mcap", moving()), tmp_path / "run")
     assert (result["wheel_samples"], result["mount"]["x_m"]) == (30, 0.2)
-    assert any("the motion of /tf is taken" in note for note in result["notes"])
+    assert any("the motion in /tf is used" in note for note in result["notes"])
 
 
 def scans_of(

@@ -41,7 +41,7 @@ def test_a_capture_of_the_laser_alone_says_that_nobody_knows_the_motion(tmp_path
     (tmp_path / "a.logr").write_bytes(as_records([described(), *scan_messages(5)]))
     result = import_data_set(tmp_path / "a.logr", tmp_path / "run")
     assert (result["scans"], result["wheel_samples"]) == (5, 0)
-    assert "say --at-rest" in result["warnings"][0]
+    assert "give --at-rest" in result["warnings"][0]
     assert replay_run(tmp_path / "run", None, None, False, {})["scans"] == 5
 
 
@@ -53,14 +53,14 @@ def test_damaged_scans_are_counted(tmp_path: Path) -> None:
     result = import_data_set(tmp_path / "a.logr", tmp_path / "run", at_rest=True)
     assert result["scans"] == 18
     assert sum("of 20 scans left out" in warning for warning in result["warnings"]) >= 1
-    assert any("6 bytes of a.logr are no whole message" in note for note in result["notes"])
+    assert any("6 bytes of a.logr are an incomplete message" in note for note in result["notes"])
 
 
 def test_a_capture_without_the_lasers_description_says_what_it_is_taken_for(tmp_path: Path) -> None:
     (tmp_path / "a.logr").write_bytes(as_records(scan_messages(5)))
     result = import_data_set(tmp_path / "a.logr", tmp_path / "run", at_rest=True)
     assert result["scans"] == 5
-    assert "taken for those of a UTM-30LX" in result["warnings"][0]
+    assert "assumed to be those of a UTM-30LX" in result["warnings"][0]
 
 
 def test_a_capture_without_a_scan_keeps_its_bytes_and_says_so(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_a_log_for_people_a_torn_one_and_a_clock_that_was_set_hold_the_same_driv
 def test_frames_of_another_bus_are_named_with_those_that_are_expected(tmp_path: Path) -> None:
     (tmp_path / "a.log").write_text("(1436509052.249713) can0 044#2A366C2BBA\n" * 3)
     (warning,) = import_data_set(tmp_path / "a.log", tmp_path / "run")["warnings"][:1]
-    assert "the layout expects 181, 182, 701, 702, most frequent are 044; give the" in warning
+    assert "the layout expects 181, 182, 701, 702, the most frequent ids are 044; give the" in warning
 
 
 def test_a_configuration_without_encoders_cannot_read_a_candump(tmp_path: Path) -> None:

@@ -205,7 +205,7 @@ def test_an_overrun_names_the_stage_that_caused_it_and_stages_are_timed() -> Non
     sink, loop, _ = run_loop(lambda step: 350_000_000 if step == 2 else 1_000_000, 10 * PERIOD_NS)
     late = next(tick for tick in sink.ticks if tick.seq == 6)
     reasons = [event.reason for event in late.events if event.kind == "missed"]
-    assert reasons == ["3 beat(s) before tick 6 overslept: estimate took 350 ms"]
+    assert reasons == ["3 beat(s) before tick 6 missed: estimate took 350 ms"]
     assert sink.timings[0].stages_ns["step"] == 1_000_000
     assert {"read", "estimate", "hand to collector", "health", "status"} <= set(sink.timings[1].stages_ns)
     assert loop.timekeeping.stages["step"].spread() == {"p50": 1.01, "p99": 350.0, "max": 350.0}

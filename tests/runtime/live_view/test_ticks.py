@@ -103,7 +103,7 @@ def test_the_way_driven_before_is_known_to_who_comes_late() -> None:
 
 def test_words_that_do_not_fit_together_and_nobody_there_are_one_sentence() -> None:
     for words, text in (
-        (["view"], "which run?"),
+        (["view"], "no run given"),
         (["view", "run", "--rover", "r1"], "add --live"),
         (["view", "--live", "--screenshot", "x.png"], "leave out --live"),
     ):

@@ -42,7 +42,7 @@ def test_a_map_of_which_much_is_gone_is_something_to_look_at() -> None:
     known = len(KNOWN.identities)
     (finding,) = changes_findings(map_changes(KNOWN, published(list(range(15)), [], [])), known)
     assert finding.severity is Severity.WARN
-    assert "15 landmarks gone, 0 new" in finding.title
+    assert "15 landmarks are gone, 0 are new" in finding.title
     (finding,) = changes_findings(map_changes(KNOWN, published([1], [], [])), known)
     assert finding.severity is Severity.INFO
     assert changes_findings(map_changes(KNOWN, KNOWN), known) == []

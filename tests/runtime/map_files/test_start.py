@@ -81,13 +81,13 @@ def test_a_recorded_start_is_found_again_and_an_exchanged_copy_is_refused(hall: 
     assert (again.pose, again.localise_only, again.saved.sha256) == (start.pose, False, start.saved.sha256)
     for changes in ({"file": None}, {"start_at": "here"}):
         told = {key: value for key, value in {**start.metadata, **changes}.items() if value is not None}
-        with pytest.raises(NotAMapError, match="does not say how it began"):
+        with pytest.raises(NotAMapError, match="does not say how it started"):
             recorded_start(RunHeader("", "live", start=told), folder)
     folder.start_map_path.write_bytes(map_bytes(seed=1))
-    with pytest.raises(NotAMapError, match="not the map that the run began in"):
+    with pytest.raises(NotAMapError, match="not the map in which the run started"):
         recorded_start(header, folder)
     folder.start_map_path.unlink()
-    with pytest.raises(NotAMapError, match="no replay can do without it"):
+    with pytest.raises(NotAMapError, match="cannot be replayed without it"):
         recorded_start(header, folder)
     assert recorded_start(RunHeader("", "live"), folder) is None
 
@@ -99,7 +99,7 @@ def test_what_a_run_adds_goes_into_a_successor_and_its_origin_is_told(hall: Path
     grown, _ = read_map(tmp_path / "hall-2.map")
     assert grown.facts.runs == ("monday", "tuesday")
     assert grown.facts.predecessor == start.saved.sha256
-    assert end_lines(facts)[1] == f"map       grown into {tmp_path}/hall-2.map: 40 landmarks before, 41 after"
+    assert end_lines(facts)[1] == f"map       extended into {tmp_path}/hall-2.map: 40 landmarks before, 41 after"
 
 
 def test_a_run_that_never_found_its_place_leaves_no_successor(hall: Path, tmp_path: Path) -> None:

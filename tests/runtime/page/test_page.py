@@ -233,9 +233,9 @@ def test_a_port_in_use_an_address_not_ours_and_open_buttons_are_one_sentence() -
         port = taken.getsockname()[1]
         with pytest.raises(SensorError, match=f"port {port} is in use"):
             bound_socket("127.0.0.1", port)
-    with pytest.raises(SensorError, match="no address of this machine"):
+    with pytest.raises(SensorError, match="not an address of this machine"):
         bound_socket("203.0.113.7", 0)
-    with pytest.raises(SensorError, match="is no address"):
+    with pytest.raises(SensorError, match="is not an address"):
         bound_socket("no such host.invalid", 0)
     with pytest.raises(UsageError, match="leave out --commands"):
         serve_page(ServeOptions(host="0.0.0.0", commands=True), None, None)  # type: ignore[arg-type]  # noqa: S104

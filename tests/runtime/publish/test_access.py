@@ -31,7 +31,7 @@ GOOD: dict[str, Any] = {
     "subjects": [OPERATOR],
     "policies": [{"rules": ["q"], "subjects": ["s"]}],
 }
-EVERYONE, NOBODY = "so that everyone commands", "so that nobody commands"
+EVERYONE, NOBODY = "so everyone", "so nobody"
 RULES: dict[str, tuple[dict[str, Any], str]] = {
     "a named operator": (GOOD, ""),
     "a user name": ({**GOOD, "subjects": [{"id": "s", "usernames": ["operator"]}]}, ""),

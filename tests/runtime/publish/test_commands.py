@@ -198,7 +198,7 @@ def test_save_keeps_the_map(tmp_path: Path) -> None:
         (b"1e9,2,3", "expected X, Y and YAW within 1e+07"),
         (b"1,2,3,0,1", "expected SIGMA_M above 0 and at most 100"),
         (b"1,2,3,1,-1", "SIGMA_RAD above 0"),
-        (b"1,2,3,1e5,1", "no pose need be given"),
+        (b"1,2,3,1e5,1", "give no pose"),
         (b"\xff\xfe,1,2", "expected X,Y,YAW"),
         (b"[" * 3000, "expected X,Y,YAW"),
     ],

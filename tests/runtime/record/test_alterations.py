@@ -36,17 +36,17 @@ def test_changed_bytes_are_named_wherever_they_are(tmp_path: Path) -> None:
     for number, place in enumerate((0.3, 0.6, 0.99)):
         folder = driven(tmp_path / f"run{number}")
         spoil(folder.closed_path(2), int(place * folder.closed_path(2).stat().st_size))
-        assert "run-0002.mcap is not what was closed" in altered(folder)[0]
+        assert "run-0002.mcap is not as it was when it was closed" in altered(folder)[0]
 
 
 def test_what_is_cut_off_or_gone_though_it_was_closed_is_named(tmp_path: Path) -> None:
     folder = driven(tmp_path / "cut")
     folder.mcap_path.chmod(0o644)
     folder.mcap_path.write_bytes(folder.mcap_path.read_bytes()[:-500])
-    assert "run.mcap is not what was closed" in altered(folder)[0]
+    assert "run.mcap is not as it was when it was closed" in altered(folder)[0]
     folder = driven(tmp_path / "gone")
     folder.closed_path(2).unlink()
-    assert "run-0002.mcap is gone" in altered(folder)[0]
+    assert "run-0002.mcap is missing" in altered(folder)[0]
 
 
 def test_changed_bytes_of_a_run_that_was_killed_are_named(tmp_path: Path) -> None:

@@ -160,7 +160,7 @@ def test_a_mark_that_waits_keeps_the_run(tmp_path: Path) -> None:
 
 
 def test_a_mark_needs_a_reason_and_a_run(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="say what was seen"):
+    with pytest.raises(UsageError, match="say what you saw"):
         leave_mark(driven(tmp_path / "run"), " ")
     with pytest.raises(NotARunError, match="no run is being recorded"):
         running_run(tmp_path)

@@ -122,7 +122,7 @@ def test_a_segment_that_is_gone_is_a_gap_of_its_ticks(tmp_path: Path, number: in
     left = seqs(reader)
     assert left == [seq for seq in range(40) if seq // 12 != number - 1]
     assert [gap.ticks for gap in reader.gaps] == [12]
-    assert f"run-000{number}.mcap is gone" in reader.truncated
+    assert f"run-000{number}.mcap is missing" in reader.truncated
 
 
 def test_a_last_segment_that_is_gone_is_said(tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_a_last_segment_that_is_gone_is_said(tmp_path: Path) -> None:
     folder.mcap_path.unlink()
     reader = RunReader(folder.path)
     assert seqs(reader) == list(range(36))
-    assert "run.mcap is gone" in reader.truncated
+    assert "run.mcap is missing" in reader.truncated
 
 
 def test_reading_goes_on_behind_a_damaged_segment(tmp_path: Path) -> None:

@@ -207,7 +207,7 @@ def test_a_disk_that_fills_up_is_one_sentence_at_the_end(records: list[Record], 
     try:
         for record in records:
             writer.feed(record)
-        with pytest.raises(StorageError, match=r"is not whole .* free space"):
+        with pytest.raises(StorageError, match=r"is incomplete .* free space"):
             writer.close()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

@@ -41,7 +41,7 @@ def test_a_failure_is_counted_named_and_forgotten() -> None:
     failures.note("ZeroDivisionError() in line 7")
     failures.note("ZeroDivisionError() in line 8")
     assert failures.trouble == (
-        "the thread recorder failed and was begun again (2 so far): ZeroDivisionError() in line 8"
+        "the thread recorder failed and was restarted (2 so far): ZeroDivisionError() in line 8"
     )
     now_ns = thread_watch.TOLD_NS + 1
     assert failures.trouble == ""

@@ -31,7 +31,7 @@ class Terminal(io.StringIO):
 
 def told_count(trouble: str) -> int:
     """How often a thread failed, by what its part says of it."""
-    return int(trouble.partition("begun again (")[2].partition(" ")[0] or 0)
+    return int(trouble.partition("restarted (")[2].partition(" ")[0] or 0)
 
 
 @pytest.mark.bench

@@ -112,7 +112,7 @@ def test_a_removal_takes_its_own_files_and_says_what_stays(tmp_path: Path) -> No
 
 
 def test_a_command_that_fails_ends_it_with_what_the_command_said() -> None:
-    with pytest.raises(PreflightError, match=r"sh -c .*: the words; mend it and run infant install again"):
+    with pytest.raises(PreflightError, match=r"sh -c .*: the words; fix that and run infant install again"):
         install.execute(("sh", "-c", "echo the words >&2; exit 3"))
     with pytest.raises(PreflightError, match="the service needs systemd"):
         install.execute(("no-such-program-anywhere",))
@@ -153,11 +153,11 @@ def test_an_interpreter_out_of_the_services_sight_is_named(program: Path, tmp_pa
 
 def test_a_folder_that_only_its_owner_may_read_is_named(program: Path, tmp_path: Path) -> None:
     program.parents[1].chmod(0o700)
-    assert f"{program.parents[1]} may not be read by everyone" in place_trouble(program, (), root=tmp_path)
+    assert f"{program.parents[1]} is not readable by everyone" in place_trouble(program, (), root=tmp_path)
 
 
 def test_a_path_that_a_unit_would_misread_is_refused(tmp_path: Path) -> None:
-    assert "cannot stand in a unit" in place_trouble(tmp_path / "my rover" / "infant", (), root=tmp_path)
+    assert "cannot be named in a unit" in place_trouble(tmp_path / "my rover" / "infant", (), root=tmp_path)
 
 
 @pytest.mark.skipif(shutil.which("systemd-sysusers") is None, reason="systemd is not installed (package systemd)")
@@ -185,7 +185,7 @@ def test_a_machine_that_cannot_be_installed_into_is_refused_with_code_4(tmp_path
     command = [sys.executable, "-m", "runtime.cli", "install", "--root", str(tmp_path / "nowhere")]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 4
-    assert "is no folder; give the root of an image" in done.stderr
+    assert "is not a folder; give the root of an image" in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -203,5 +203,5 @@ def test_the_dbc_of_a_configuration_goes_with_it(tmp_path: Path) -> None:
     assert there is not None
     assert getattr(there.layout, "file", None) == str((root / "etc/infant/maker/wheels.dbc").resolve())
     source.write_text(source.read_text().replace("maker/", "../mine/maker/"))
-    with pytest.raises(ConfigurationError, match="beside the configuration"):
+    with pytest.raises(ConfigurationError, match="next to the configuration"):
         install.plan_install(tmp_path / "mine", SHIPPED_PROGRAM, source)

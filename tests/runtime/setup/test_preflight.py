@@ -101,5 +101,5 @@ def test_where_the_wheels_are_not_heard_the_ids_that_are_say_what_would_fit() ->
     strange = check_bus(bus, lambda _bus, _seconds: [CanFrame(0, number, b"a") for number in range(20)])
     assert "8 more ids" in strange.reason
     assert "encoders.layout" in strange.remedy
-    assert "nothing is heard" in check_bus(bus, lambda _bus, _seconds: []).reason
+    assert "nothing was heard" in check_bus(bus, lambda _bus, _seconds: []).reason
     assert "ip link set" in check_bus(bus, down).reason

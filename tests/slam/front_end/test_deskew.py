@@ -69,7 +69,7 @@ def test_a_scan_of_almost_nothing_is_a_scan(count: int) -> None:
 
 def test_clockwise_beams_are_refused_with_the_remedy() -> None:
     scan = Scan(0, np.ones(41, dtype=np.float32), BEARINGS[::-1].copy())
-    with pytest.raises(ValueError, match="turn the arrays"):
+    with pytest.raises(ValueError, match="reverse the arrays"):
         deskew(scan, Twist(), Pose2(), 0.1, 60.0)
 
 

@@ -40,7 +40,7 @@ def test_a_rover_that_was_carried_and_told_where_is_there_at_once(off: Pose2) ->
 def test_a_pose_that_nothing_agrees_with_is_refused_and_the_rover_goes_on() -> None:
     drive = after_a_lap()
     (refusal,) = told(drive, Pose2(30.0, -20.0, 1.0))
-    assert "nothing agrees with the pose that was given" in refusal
+    assert "nothing agrees with the given pose" in refusal
     assert "landmarks seen" in refusal
     assert not drive.recognitions
     assert drive.error_m() < 0.5

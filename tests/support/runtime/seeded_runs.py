@@ -229,7 +229,7 @@ def clock_drift(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:
 def wheel_crc(drafts: list[Draft], rng: np.random.Generator) -> list[Draft]:
     """A third of the left wheel's frames are damaged, told once a second."""
     start = float(rng.uniform(5.0, 10.0))
-    text = "left wheel: checksums are wrong; check cable, termination and that no other node uses this id"
+    text = "left wheel: checksums are wrong; check cable and termination, and that no other node uses this id"
     return [
         replace(d, events=(at(d, "encoders", "crc", text),)) if d.seq % 10 == 0 and between(d, start, 25.0) else d
         for d in drafts

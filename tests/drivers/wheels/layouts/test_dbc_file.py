@@ -57,11 +57,11 @@ def test_a_message_may_be_named_by_the_long_name_that_an_attribute_gives_it(tmp_
     ("change", "sentence"),
     [
         (("BO_ 386 WHEEL_R_FB", "BO_ 385 WHEEL_R_FB"), "id 0x181 is used by WHEEL_L_FB and WHEEL_R_FB"),
-        (("BO_ 386 WHEEL_R_FB", "BO_ 386 WHEEL_L_FB"), "message WHEEL_L_FB stands there 2 times"),
-        (("L_Speed : 32|12", "L_Speed : 30|12"), "not a DBC that can be used"),
-        (("L_Speed : 32|12", "L_Speed : 60|12"), "not a DBC that can be used"),
+        (("BO_ 386 WHEEL_R_FB", "BO_ 386 WHEEL_L_FB"), "message WHEEL_L_FB is defined 2 times"),
+        (("L_Speed : 32|12", "L_Speed : 30|12"), "not a usable DBC"),
+        (("L_Speed : 32|12", "L_Speed : 60|12"), "not a usable DBC"),
         (("BO_ 385 ", "BO_ abc "), "message WHEEL_L_FB: there is only WHEEL_R_FB, WHEEL_L_INFO, WHEEL_R_INFO"),
-        (("BO_", "XX_"), "so it is no DBC"),
+        (("BO_", "XX_"), "so it is not a DBC"),
     ],
 )
 def test_what_is_wrong_with_a_message_of_the_wheels_is_said(

@@ -23,4 +23,4 @@ def test_a_log_of_gmapping_without_the_wheels_lines_says_so(tmp_path: Path) -> N
     lines, _ = gmapping_log(20)
     result = imported(tmp_path, [line for k, line in enumerate(lines) if k % 4 or k == 0])
     assert result["scans"] == 20
-    assert any("corrected poses stand for it" in warning for warning in result["warnings"])
+    assert any("corrected poses are used in its place" in warning for warning in result["warnings"])

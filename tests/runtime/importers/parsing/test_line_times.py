@@ -24,9 +24,9 @@ def test_the_other_stamp_of_a_line_is_used_where_one_lacks_digits(tmp_path: Path
 @pytest.mark.parametrize(
     ("printed", "duration_s", "said"),
     [
-        ("{:g}", 59 * 0.2, "0.2 s apart: speeds are not true"),
+        ("{:g}", 59 * 0.2, "0.2 s apart: speeds are not real"),
         ("{:.0f}", 6.5, "spread evenly up to the next stamp"),
-        ("0", 59 * 0.2, "0.2 s apart: speeds are not true"),
+        ("0", 59 * 0.2, "0.2 s apart: speeds are not real"),
     ],
 )
 def test_stamps_that_lack_digits_lose_no_scan_and_are_said(

@@ -54,10 +54,10 @@ def test_a_node_that_was_off_restarts_because_of_that(facts: RunFacts) -> None:
 
 
 def test_frames_that_are_refused_do_arrive(facts: RunFacts) -> None:
-    why = "right wheel: frames have another length than the layout says; check the layout"
+    why = "right wheel: the length of the frames differs from that of the layout; check the layout"
     told = _told(facts, *((4.0 + n, "length", why) for n in range(3)), (4.2, "invalid", why))
     assert told[0].title.startswith("The right wheel encoder gave no usable counts")
-    assert "another length" in told[0].cause
+    assert "wrong length" in told[0].cause
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ def test_constant_bytes_are_neither_a_counter_nor_a_checksum() -> None:
     (found,) = traffic_of(still)
     assert (found.moving_bytes, found.alive, found.crc) == ((), "", "")
     (once,) = traffic_of(still[:1])
-    assert once.line() == "0x100  once, 8 bytes, bytes that change: none"
+    assert once.line() == "0x100  once, 8 bytes, changing bytes: none"
 
 
 @pytest.mark.parametrize("layout", [DbcLayout(), *PRESETS], ids=lambda layout: getattr(layout, "name", "infant"))
@@ -103,7 +103,7 @@ def test_a_dbc_at_hand_is_tried_against_what_is_heard(tmp_path: Path) -> None:
     assert found is not None
     assert found.layout == layout.layout
     assert layouts_in(dbc, traffic_of([CanFrame(k, 0x99, b"a") for k in range(9)])) == []
-    with pytest.raises(DriverError, match="not a DBC"):
+    with pytest.raises(DriverError, match="not a usable DBC"):
         layouts_in(path, [])
 
 
@@ -145,7 +145,7 @@ def refuse(_bus: BusSettings, _seconds: float) -> list[CanFrame]:
     ("known", "search", "error", "named"),
     [
         (Known("tcp://1.2.3.4:10940", "can0"), (lambda _urls: None, refuse), SensorError, "1.2.3.4.*--laser URL"),
-        (Known(bus="can0"), searching([]), SensorError, "nothing is heard on can0"),
+        (Known(bus="can0"), searching([]), SensorError, "nothing was heard on can0"),
         (Known(bus="can0"), ((lambda _urls: LASER), refuse), SensorError, "ip link set"),
         (Known(bus="can:x:y"), searching([]), UsageError, "INTERFACE:CHANNEL"),
         (Known(bus="can0"), searching([CanFrame(0, 0x99, b"a")]), SensorError, "ids 0x099 are heard"),
