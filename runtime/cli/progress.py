@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 
 @contextmanager
@@ -27,6 +26,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object on s
 
 def progress_bar(task: str) -> Callable[[float], None]:
     """A bar on standard error that takes the fraction done; silent where that is no terminal."""
+    from rich.console import Console
     from rich.progress import Progress
 
     bar = Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty())
