@@ -138,14 +138,17 @@ def review(
     from runtime.record.room import is_being_written
     from runtime.record.trajectories import with_estimates
     from runtime.report.build import build_report, is_as_grave, report_lines
-    from runtime.review.rebuild import build_review
+    from runtime.review.rebuild import drawn_meanwhile
 
-    with busy("judge"):
-        report = build_report(run, out)
     folder = with_estimates(RunReader(run)).folder
     drawn = folder.review_path if out is None else out.with_suffix(".rrd")
-    if not is_being_written(folder.mcap_path):  # whoever records a run draws it too
-        build_review(folder.path, drawn, progress=progress_bar("draw"), verdict=report["verdict"])
+    with busy("judge and draw"):
+        if is_being_written(folder.mcap_path):  # whoever records a run draws it too
+            report = build_report(run, out)
+        else:
+            with drawn_meanwhile(folder.path, drawn) as finish:
+                report = build_report(run, out)
+                finish(report["verdict"])
     report["review"] = str(drawn)
     answer(report, [*report_lines(report), f"review    {drawn}"], as_json)
     _end_with_defects(report["defects"]["steps"], allow_defects)

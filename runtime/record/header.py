@@ -9,8 +9,10 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from runtime.errors import NotARunError
 from runtime.printable import printable
 from runtime.record.folder import MOST_SEGMENTS
+from runtime.record.mcap_prefix import McapPrefix
 from runtime.service.processor import NAMES, processor_facts
 from slam.kernel_cache import sources_hash
 
@@ -140,3 +142,17 @@ def segment_number(metadata: Mapping[str, Mapping[str, str]]) -> int | None:
     if not number.isascii() or not number.isdigit() or not 1 <= len(number) <= 6:
         raise ValueError(f"its segment has the number {number!r:.40}, expected 1 to {MOST_SEGMENTS}")
     return int(number)
+
+
+def first_header(paths: list[Path]) -> tuple[McapPrefix, RunHeader]:
+    """The first head that can be believed; every segment has the same. Raises NotARunError."""
+    refusals: list[tuple[Path, str, Exception]] = []
+    for path in paths:
+        file = McapPrefix(path)
+        file.read_head()
+        try:
+            return file, RunHeader.from_metadata(file.metadata)
+        except (ValueError, KeyError) as error:
+            refusals.append((path, str(error) if file.metadata else file.damage or str(error), error))
+    path, why, cause = refusals[0]
+    raise NotARunError(f"{path} cannot be read as a run: {printable(why)}; nothing in it can be trusted") from cause

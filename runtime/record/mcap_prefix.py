@@ -10,7 +10,7 @@ after each chunk: the CRC-32 of all bytes before it.
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -78,13 +78,16 @@ class McapPrefix:
         self._schemas: dict[int, tuple[str, str, bytes]] = {}
         self._head_is_sure = False
 
-    def messages(self) -> Iterator[tuple[str, int, bytes]]:
-        """(topic, log time ns, data) of every message in the prefix; metadata and attachments are kept on the way."""
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[tuple[str, int, bytes]]:
+        """(topic, log time ns, data) of every message in the prefix; metadata and attachments are kept on the way.
+
+        topics: the only ones that are given; the others are checked by their chunk's sum and stepped over.
+        """
         self._head_is_sure = False
         self._kept_bytes = 0
         try:
             with self.path.open("rb") as stream:
-                yield from self._messages(stream)
+                yield from self._messages(stream, topics)
             self.damage = ""
         except OSError as error:
             self.damage = f"it cannot be read ({error.strerror}) at byte {self.offset}"
@@ -98,7 +101,7 @@ class McapPrefix:
         for _ in self.messages():
             break
 
-    def _messages(self, stream: BinaryIO) -> Iterator[tuple[str, int, bytes]]:
+    def _messages(self, stream: BinaryIO, topics: Collection[str] | None) -> Iterator[tuple[str, int, bytes]]:
         if stream.read(len(MAGIC)) != MAGIC:
             raise DamageError(0, "not the start of an MCAP file")
         self.offset = len(MAGIC)
@@ -126,7 +129,7 @@ class McapPrefix:
             try:
                 if opcode == CHUNK:
                     self._head_is_sure = True
-                    yield from self._chunk_messages(body)
+                    yield from self._chunk_messages(body, topics)
                 elif opcode == METADATA:
                     self._note_metadata(body, crc_before)
                 elif opcode == ATTACHMENT:
@@ -178,7 +181,7 @@ class McapPrefix:
             raise DamageError(self.offset, "the index after the data is torn or damaged")
         self.offset = self.size
 
-    def _chunk_messages(self, body: bytes) -> Iterator[tuple[str, int, bytes]]:
+    def _chunk_messages(self, body: bytes, topics: Collection[str] | None) -> Iterator[tuple[str, int, bytes]]:
         data = _chunk_data(body)
         position = 0
         try:
@@ -189,7 +192,9 @@ class McapPrefix:
                     raise ForeignError("a chunk whose last record is longer than the chunk")
                 if opcode == MESSAGE:
                     channel, _, log_ns, _ = MESSAGE_HEAD.unpack_from(data, position)
-                    yield self._topics[channel], log_ns, data[position + MESSAGE_HEAD.size : position + length]
+                    topic = self._topics[channel]
+                    if topics is None or topic in topics:
+                        yield topic, log_ns, data[position + MESSAGE_HEAD.size : position + length]
                 elif opcode == CHANNEL:
                     self._note_channel(data, position)
                 elif opcode == SCHEMA:

@@ -1,6 +1,6 @@
 """A recorded run, read from its start up to where it can be believed."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
@@ -23,7 +23,7 @@ from runtime.messages.tick import (
 )
 from runtime.printable import printable
 from runtime.record.folder import CLOSED_NAME, MOST_SEGMENTS, RunFolder
-from runtime.record.header import RunHeader, segment_number
+from runtime.record.header import first_header, segment_number
 from runtime.record.manifest import Manifest
 from runtime.record.mcap_prefix import Channel, McapPrefix
 from runtime.tick import Tick, Timing
@@ -35,6 +35,8 @@ MOST_LOSSES = 1000  # sentences kept; a run that is worse is no better known for
 CDR_HEADER = b"\0\1\0\0"  # little-endian; of every message that a recorder writes
 FAR = 1 << 62  # ns: a stamp that no clock of a rover shows
 OUTCOMES = frozenset(("/estimate", "/pose", "/odom", "/timing", "/state_hash", "/truth", "/defect"))
+OF_TICKS = OUTCOMES | {"/scan", "/tick", "/gap", "/diagnostics"}
+WITH_RAW_LASER = OF_TICKS | {"/raw/laser"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +99,7 @@ class RunReader:
         self.folder = RunFolder.open(path)
         self._tolerant = tolerant
         self._paths = self.folder.segment_paths()
-        self._file, self.header = _first_header(self._paths)
+        self._file, self.header = first_header(self._paths)
         self.attachments: Mapping[str, bytes] = self._file.attachments
         self.gaps: list[Gap] = []
         self._size = max(1, sum(path.stat().st_size for path in self._paths))
@@ -147,8 +149,12 @@ class RunReader:
         why = "; ".join(self._losses[:LOSSES_SHOWN]) + (f"; and {more} more, see infant log verify" if more > 0 else "")
         return f"{what} is incomplete ({why}): {self._ticks} whole ticks can be read, {until}"
 
-    def records(self) -> Iterator[Record]:
-        """Every message of the run in the order of writing, with a gap where something is missing between segments."""
+    def records(self, topics: Collection[str] | None = None) -> Iterator[Record]:
+        """Every message of the run in the order of writing, with a gap where something is missing between segments.
+
+        topics: the only ones that are given, /tick among them; with `tolerant` all, to be checked.
+        """
+        topics = None if self._tolerant else topics
         manifest = Manifest.load(self.folder.manifest_path)
         lost = manifest.lost
         self._losses, self.known_losses, self._size_before = [], [], 0
@@ -164,7 +170,7 @@ class RunReader:
             if not file.damage and missing_ticks:
                 yield encode_gap(Gap(stamp_ns, missing_ticks, 0, self._losses[-1]))
                 missing_ticks = 0
-            for record in self._believable(file) if not file.damage else ():
+            for record in self._believable(file, topics) if not file.damage else ():
                 ticks += record.topic == "/tick"
                 stamp_ns = record.stamp_ns
                 yield record
@@ -183,10 +189,10 @@ class RunReader:
             self._losses.append(f"the recording was cut off after {self._paths[-1].name}")
             self.cut_off = True
 
-    def _believable(self, file: McapPrefix) -> Iterator[Record]:
+    def _believable(self, file: McapPrefix, topics: Collection[str] | None) -> Iterator[Record]:
         """Records of one file; with `tolerant` a gap in place of ticks that say nothing and of what came of them."""
         ranges_m, wrong, skips = None, 0, False
-        for topic, log_ns, data in file.messages():
+        for topic, log_ns, data in file.messages(topics):
             record = Record(topic, min(log_ns, FAR), data)
             begins = topic in ("/scan", "/tick")
             try:
@@ -246,8 +252,8 @@ class RunReader:
         match = CLOSED_NAME.fullmatch(file.path.name)
         return int(match[1]) if match else 0
 
-    def ticks(self) -> Iterator[RecordedTick]:
-        """Every whole tick.
+    def ticks(self, raw_laser: Callable[[bytes], None] | None = None) -> Iterator[RecordedTick]:
+        """Every whole tick. raw_laser: a decoder that takes the laser's own bytes as they pass.
 
         Only one tick is held at a time. A tick is whole by construction: its records are never parted by a chunk.
         """
@@ -255,7 +261,7 @@ class RunReader:
         current: RecordedTick | None = None
         scan: Record | None = None
         gaps: list[Gap] = []
-        for record in self.records():
+        for record in self.records(OF_TICKS if raw_laser is None else WITH_RAW_LASER):
             if record.topic in ("/scan", "/tick") and current is not None:
                 yield self._counted(current)
                 current = None
@@ -271,6 +277,8 @@ class RunReader:
                 current.inputs.append(record)
             elif current is not None and record.topic in OUTCOMES:
                 current.outcomes[record.topic] = record
+            elif raw_laser is not None and record.topic == "/raw/laser":
+                decoded(record, raw_laser, self.place)
         if current is not None:
             yield self._counted(current)
 
@@ -283,17 +291,3 @@ class RunReader:
         self._ticks += 1
         self._last_stamp_ns = recorded.tick.stamp_ns
         return recorded
-
-
-def _first_header(paths: list[Path]) -> tuple[McapPrefix, RunHeader]:
-    """The first head that can be believed; every segment has the same. Raises NotARunError."""
-    refusals: list[tuple[Path, str, Exception]] = []
-    for path in paths:
-        file = McapPrefix(path)
-        file.read_head()
-        try:
-            return file, RunHeader.from_metadata(file.metadata)
-        except (ValueError, KeyError) as error:
-            refusals.append((path, str(error) if file.metadata else file.damage or str(error), error))
-    path, why, cause = refusals[0]
-    raise NotARunError(f"{path} cannot be read as a run: {printable(why)}; nothing in it can be trusted") from cause

@@ -45,11 +45,13 @@ class OldSegment:
 
 
 def is_being_written(path: Path) -> bool:
-    """Whether a recorder of this machine has the file open; it locks what it writes."""
+    """Whether a recorder of this machine has the file open; it locks what it writes. A file that is gone has none."""
     try:
         # without O_NONBLOCK a pipe would keep us
         with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as stream:
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
     except BlockingIOError:
         return True
     return False

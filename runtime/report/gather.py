@@ -1,8 +1,7 @@
 """The one pass over a run that leaves RunFacts."""
 
 import math
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from array import array
 from contextlib import suppress
 from pathlib import Path
 
@@ -15,15 +14,15 @@ from runtime.evaluate.evaluate import against_data_set, against_simulation, noth
 from runtime.evaluate.smoothed import read_smoothed
 from runtime.evaluate.truth import DataSetTruth
 from runtime.map_files.start import recorded_start
-from runtime.maps.placed_scans import at_scan, place, twist_between
 from runtime.maps.scan_picture import ScanCells
-from runtime.messages.decoding import decoded
 from runtime.printable import printable
 from runtime.record.reader import RecordedTick, RunReader
 from runtime.record.room import is_being_written
 from runtime.record.trajectories import Trajectories, with_estimates
 from runtime.report.device_clock import DeviceClockReader
 from runtime.report.facts import QUALITIES, RunFacts, ScanColumns, TickColumns, WheelColumns
+from runtime.report.named_columns import NamedColumns
+from runtime.review.ticks import BeamPoints, Motion
 from runtime.settings.configuration import Configuration, load_configuration_text
 from runtime.tick import of_its_time
 from slam.estimate import Estimate, LandmarkMap, Quality
@@ -34,6 +33,10 @@ REST_SCANS = 20  # the first scans, all of them: they stand still and show the r
 SCAN_APART_NS = 240_000_000  # then one in 0.25 s suffices for matching and costs a third
 NEAR_M = 6.0  # who walks along is within; bushes and walls, whose edges come and go, are farther from the course
 MOST_SCANS = 1200  # five minutes of driving show 0.4 % of a wheel; 10 MB, and half of the time of a review
+AFTER_NS = 5_000_000_000  # the wheels' samples are kept this much longer than scans: latencies are far below
+NOWHERE = (math.nan,) * 3
+UNKNOWN_M2 = 1e12  # a covariance that is none
+TICK_FIGURES, SCAN_FIGURES, WHEEL_FIGURES = 18, 5, 4  # of a row
 
 
 def gather(run: Path) -> RunFacts:
@@ -44,8 +47,8 @@ def gather(run: Path) -> RunFacts:
     inputs = RunReader(run)
     reader = with_estimates(inputs)
     configuration = load_configuration_text(reader.header.configuration_text, source=f"configuration of {run}")
-    pass_ = Gathering(configuration.slam)
-    for recorded in reader.ticks():
+    pass_, clock = Gathering(configuration.slam), DeviceClockReader()
+    for recorded in reader.ticks(clock.feed):
         pass_.take(recorded)
     if not pass_.rows:
         if not pass_.ticks:
@@ -54,10 +57,6 @@ def gather(run: Path) -> RunFacts:
                 f"{reader.folder.path} holds not a single complete tick, so there is nothing to review{why}"
             )
         raise UsageError(f"{reader.folder.path} holds no estimates; replay it first: infant replay {run}")
-    clock = DeviceClockReader()
-    for record in reader.records():
-        if record.topic == "/raw/laser":
-            decoded(record, lambda _: clock.feed(record), reader.place)  # noqa: B023 called at once
     return pass_.facts(reader, inputs, configuration, clock)
 
 
@@ -65,16 +64,13 @@ class Gathering:
     """Rows that grow tick by tick; only numbers stay, and some scans."""
 
     def __init__(self, settings: SlamSettings) -> None:
-        self._settings = settings
-        self._mount = settings.mount
+        self._mount, self._view = settings.mount, settings.front_end
         self._before: Estimate | None = None
-        self._cells = ScanCells()
-        self.rows: list[tuple[float, ...]] = []
+        self._cells, self._beams = ScanCells(), BeamPoints()
+        self.rows = array("d")
         self.ticks = 0
-        self._counts: list[dict[str, float]] = []
-        self._stages: list[dict[str, int]] = []
-        self._scans: list[tuple[float, ...]] = []
-        self._wheels: list[tuple[float, float, float, bool]] = []
+        self._counts, self._stages = NamedColumns(), NamedColumns()
+        self._scans, self._wheels = array("d"), array("d")
         self._kept: list[Scan] = []
         self._samples: list[WheelCounts] = []
         self._speeds: list[SpeedSteering] = []
@@ -92,12 +88,15 @@ class Gathering:
             self._origin_ns = tick.stamp_ns
         self._events.extend(tick.events)
         for sample in tick.wheels:
+            counts = (math.nan, math.nan, True)
             if isinstance(sample, WheelCounts):
-                self._wheels.append((self._seconds(sample.stamp_ns), sample.left, sample.right, sample.valid))
-                self._samples.append(sample)
+                counts = (sample.left, sample.right, sample.valid)
+            self._wheels.extend((self._seconds(sample.stamp_ns), *counts))
+            if self._has_scans_for_all_before(sample.stamp_ns):
                 continue
-            self._wheels.append((self._seconds(sample.stamp_ns), math.nan, math.nan, True))
-            if isinstance(sample, SpeedSteering):
+            if isinstance(sample, WheelCounts):
+                self._samples.append(sample)
+            elif isinstance(sample, SpeedSteering):
                 self._speeds.append(sample)
             elif isinstance(sample, OdometryPose):
                 self._poses.append(sample)
@@ -109,48 +108,46 @@ class Gathering:
             self._defects.append((self._seconds(tick.stamp_ns), reason))
         if estimate.landmarks is not None:
             self._landmarks = estimate.landmarks
-        nowhere = np.full(3, np.nan)
-        self.rows.append(
+        (xx, _, _), (xy, yy, _), _ = estimate.covariance.tolist()
+        pose, odometry, mean = estimate.map_from_body, estimate.odom_from_body, estimate.particle_mean
+        self.rows.extend(
             (
                 self._seconds(tick.stamp_ns),
-                *estimate.map_from_body.as_array(),
-                *estimate.odom_from_body.as_array(),
-                *(nowhere if truth is None else truth.as_array()),
-                math.sqrt(
-                    max(0.0, float(np.linalg.eigvalsh(np.nan_to_num(estimate.covariance[:2, :2], nan=1e12))[-1]))
-                ),
-                math.dist(estimate.map_from_body.as_array()[:2], estimate.particle_mean.as_array()[:2]),
+                *(pose.x_m, pose.y_m, pose.heading_rad),
+                *(odometry.x_m, odometry.y_m, odometry.heading_rad),
+                *(NOWHERE if truth is None else (truth.x_m, truth.y_m, truth.heading_rad)),
+                *(xx, xy, yy),
+                *(mean.x_m, mean.y_m),
                 QUALITIES.index(estimate.quality.value),
                 math.nan if timing is None else timing.lateness_ns * 1e-6,
                 0.0 if timing is None else timing.missed,
             )
         )
         self._before = estimate
-        self._counts.append(estimate.counts)
-        self._stages.append({} if timing is None else timing.stages_ns)
+        self._counts.add(estimate.counts)
+        self._stages.add({} if timing is None else timing.stages_ns)
 
     def facts(
         self, reader: RunReader, inputs: RunReader, configuration: Configuration, clock: DeviceClockReader
     ) -> RunFacts:
         """Everything as columns. reader: of the estimates; inputs: of the run, the same unless it was imported."""
         name = printable(inputs.folder.path.name)
-        rows = np.array(self.rows)
+        rows = _table(self.rows, TICK_FIGURES)
+        covariances_m2 = rows[:, (10, 11, 11, 12)].reshape(-1, 2, 2)
         ticks = TickColumns(
             rows[:, 0],
             rows[:, 1:4],
             rows[:, 4:7],
             rows[:, 7:10],
-            rows[:, 10],
-            rows[:, 11],
-            rows[:, 12].astype(np.int64),
-            rows[:, 13],
-            rows[:, 14],
-            {key: values * 1e-6 for key, values in _columns(self._stages).items()},
-            _columns(self._counts),
+            np.sqrt(np.maximum(np.linalg.eigvalsh(np.nan_to_num(covariances_m2, nan=UNKNOWN_M2))[:, -1], 0.0)),
+            np.hypot(*(rows[:, 1:3] - rows[:, 13:15]).T),
+            rows[:, 15].astype(np.int64),
+            rows[:, 16],
+            rows[:, 17],
+            self._stages.arrays(1e-6),
+            self._counts.arrays(),
         )
-        scans = np.array(self._scans).reshape(-1, 5)
-        wheels = np.array([row[:3] for row in self._wheels]).reshape(-1, 3)
-        valid = np.array([row[3] for row in self._wheels], dtype=np.bool_)
+        scans, wheels = _table(self._scans, SCAN_FIGURES), _table(self._wheels, WHEEL_FIGURES)
         assert self._origin_ns is not None  # there are rows
         return RunFacts(
             name=name,
@@ -161,7 +158,7 @@ class Gathering:
             origin_ns=self._origin_ns,
             ticks=ticks,
             scans=ScanColumns(*scans.T),
-            wheels=WheelColumns(wheels[:, 0], wheels[:, 1:], valid),
+            wheels=WheelColumns(wheels[:, 0], wheels[:, 1:3], wheels[:, 3] > 0.0),
             device_clock=clock.columns(self._origin_ns),
             events=tuple(self._events),
             gaps=tuple(reader.gaps),
@@ -181,8 +178,8 @@ class Gathering:
         moved = near = returned = math.nan
         stamp_ns = getattr(scan, "stamp_ns", beat_ns)
         if isinstance(scan, Scan):
-            self._lay(scan, estimate)
             scan = self._mount.upright(scan)
+            self._lay(scan, estimate)
             back = np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.range_max_m)
             returned = float(back.mean())
             if estimate is not None and estimate.beam_verdicts is not None:
@@ -192,16 +189,24 @@ class Gathering:
             early = len(self._kept) < REST_SCANS
             if len(self._kept) < MOST_SCANS and (early or stamp_ns - self._kept[-1].stamp_ns >= SCAN_APART_NS):
                 self._kept.append(scan)
-        self._scans.append((self._seconds(stamp_ns), (beat_ns - stamp_ns) * 1e-9, returned, moved, near))
+        self._scans.extend((self._seconds(stamp_ns), (beat_ns - stamp_ns) * 1e-9, returned, moved, near))
 
     def _lay(self, scan: Scan, estimate: Estimate | None) -> None:
         """Into the picture of the map, while the pose is believed."""
         if estimate is None or estimate.beam_verdicts is None or estimate.quality is Quality.LOST:
             return
-        if self._cells.wants(scan.stamp_ns):
-            pose, twist = at_scan(scan.stamp_ns, self._before, estimate), twist_between(self._before, estimate)
-            placed = place(scan, pose, twist, estimate.beam_verdicts, self._settings)
-            self._cells.take(scan.stamp_ns, placed.points_m[placed.solid])
+        if self._cells.wants(scan.stamp_ns) and estimate.beam_verdicts.size == scan.ranges_m.size:
+            beams, stamps_ns, laser_m = self._beams.of(scan)
+            ranges_m, verdicts = scan.ranges_m[beams], estimate.beam_verdicts[beams]
+            in_view = (self._view.range_min_m <= ranges_m) & (ranges_m < self._view.range_max_m)
+            solid = in_view & (verdicts != BeamVerdict.MOVED)
+            motion = Motion.between(self._before, estimate)
+            points_m = motion.to_map(stamps_ns[solid], laser_m[solid], self._mount.as_pose())
+            self._cells.take(scan.stamp_ns, points_m)
+
+    def _has_scans_for_all_before(self, stamp_ns: int) -> bool:
+        """Whether no scan will be kept any more that a sample of this time could be compared with."""
+        return len(self._kept) == MOST_SCANS and stamp_ns > self._kept[-1].stamp_ns + AFTER_NS
 
     def _drive(self, name: str) -> DriveData | None:
         """What calibration can use; None where there are no scans or no wheels."""
@@ -223,13 +228,9 @@ def _known_map(reader: RunReader) -> LandmarkMap | None:
     return None
 
 
-def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, FloatArray]:
-    """Figures by name, (n,) each; NaN where a row has no such figure."""
-    columns: dict[str, FloatArray] = defaultdict(lambda: np.full(len(rows), np.nan))
-    for index, row in enumerate(rows):
-        for key, value in row.items():
-            columns[key][index] = value
-    return dict(columns)
+def _table(figures: "array[float]", width: int) -> FloatArray:
+    """Rows (n, width)."""
+    return np.array(figures).reshape(-1, width)
 
 
 def _accuracy(ticks: TickColumns, origin_ns: int, inputs: RunReader, configuration: Configuration) -> dict[str, object]:

@@ -1,4 +1,7 @@
-"""Rows of a few seconds gathered per entity and sent to rerun as columns: a third of the cost of row by row."""
+"""Rows of a few seconds gathered per entity and sent to rerun as columns: a third of the cost of row by row.
+
+What rows are gathered from is kept as it comes; it is turned into what rerun wants all at once, in `flush`.
+"""
 
 from typing import Any
 
@@ -38,19 +41,23 @@ class ReviewColumns:
 
     def points(self, path: str, points_m: FloatArray) -> None:
         """Points (N, 2) in the map; style is static."""
-        self._add(path, "points", flat(points_m, height_m(path)))
+        self._add(path, "points", points_m)
 
     def named_points(self, path: str, points_m: FloatArray, colors: NDArray[np.uint8], labels: list[str]) -> None:
         """Points (N, 2) with a colour (N, 3) and a label each."""
-        self._add(path, "named points", (flat(points_m, height_m(path)), colors, labels))
+        self._add(path, "named points", (points_m, colors, labels))
 
-    def strips(self, path: str, strips_m: list[FloatArray]) -> None:
-        """Lines, each (K, 2)."""
-        self._add(path, "strips", [flat(strip, height_m(path)) for strip in strips_m])
+    def strip(self, path: str, strip_m: FloatArray) -> None:
+        """A line (K, 2)."""
+        self._add(path, "strip", strip_m)
+
+    def strips(self, path: str, strips_m: FloatArray) -> None:
+        """Lines (N, K, 2), of K points each."""
+        self._add(path, "strips", strips_m)
 
     def ellipses(self, path: str, means_m: FloatArray, covariances_m2: FloatArray, colors: Any) -> None:
         """Covariance ellipses of (N, 2, 2) around (N, 2); colors (N, 4), or None where the style is static."""
-        self._add(path, "ellipses", (flat(means_m, height_m(path)), *ellipse_axes(covariances_m2, SIGMAS), colors))
+        self._add(path, "ellipses", (means_m, covariances_m2, colors))
 
     def pose(self, path: str, pose: Pose2) -> None:
         """Frame of what is drawn below this path."""
@@ -67,7 +74,7 @@ class ReviewColumns:
             elapsed_ns = np.array([row[0] for row in rows]).astype("timedelta64[ns]")
             ticks = [row[1] for row in rows]
             indexes = [rr.TimeColumn(ELAPSED, duration=elapsed_ns), rr.TimeColumn(TICK, sequence=ticks)]
-            columns = _columns(self._kinds[path], [row[2] for row in rows])
+            columns = _columns(self._kinds[path], [row[2] for row in rows], height_m(path))
             self._recording.send_columns(path, indexes, columns)
         self._rows.clear()
 
@@ -82,9 +89,9 @@ def height_m(path: str) -> float:
 
 
 def flat(points_m: FloatArray, height: float = 0.0) -> NDArray[np.float32]:
-    """Points (N, 2) as (N, 3) at one height, on a grid of GRAIN_M."""
-    positions = np.full((points_m.shape[0], 3), height, np.float32)
-    positions[:, :2] = np.round(points_m / GRAIN_M) * GRAIN_M
+    """Points (..., 2) as (..., 3) at one height, on a grid of GRAIN_M."""
+    positions = np.full((*points_m.shape[:-1], 3), height, np.float32)
+    positions[..., :2] = np.round(points_m / GRAIN_M) * GRAIN_M
     return positions
 
 
@@ -99,25 +106,27 @@ def ellipse_axes(covariances_m2: FloatArray, sigmas: float) -> tuple[NDArray[np.
     return half_sizes, quaternions
 
 
-def _columns(kind: str, rows: list[Any]) -> Any:
+def _columns(kind: str, rows: list[Any], height: float) -> Any:
     match kind:
         case "scalar":
             return rr.Scalars.columns(scalars=rows)
         case "points":
             lengths = [len(row) for row in rows]
-            return rr.Points3D.columns(positions=np.concatenate(rows)).partition(lengths)
+            return rr.Points3D.columns(positions=flat(np.concatenate(rows), height)).partition(lengths)
         case "named points":
             lengths = [len(row[0]) for row in rows]
             return rr.Points3D.columns(
-                positions=np.concatenate([row[0] for row in rows]),
+                positions=flat(np.concatenate([row[0] for row in rows]), height),
                 colors=np.concatenate([row[1] for row in rows]),
                 labels=[label for row in rows for label in row[2]],
             ).partition(lengths)
+        case "strip":
+            return rr.LineStrips3D.columns(strips=[flat(row, height) for row in rows])
         case "strips":
             lengths = [len(row) for row in rows]
-            return rr.LineStrips3D.columns(strips=[strip for row in rows for strip in row]).partition(lengths)
+            return rr.LineStrips3D.columns(strips=flat(np.concatenate(rows), height)).partition(lengths)
         case "ellipses":
-            return _ellipse_columns(rows)
+            return _ellipse_columns(rows, height)
         case "pose":
             headings_rad = np.array([pose.heading_rad for pose in rows])
             quaternions = np.zeros((len(rows), 4))
@@ -130,15 +139,13 @@ def _columns(kind: str, rows: list[Any]) -> Any:
     raise ValueError(f"{kind=} is none of the kinds of rows")
 
 
-def _ellipse_columns(rows: list[Any]) -> Any:
+def _ellipse_columns(rows: list[Any], height: float) -> Any:
     lengths = [len(row[0]) for row in rows]
-    fields: dict[str, Any] = {
-        "centers": np.concatenate([row[0] for row in rows]),
-        "half_sizes": np.concatenate([row[1] for row in rows]),
-        "quaternions": np.concatenate([row[2] for row in rows]),
-    }
-    if rows[0][3] is not None:
-        fields["colors"] = np.concatenate([row[3] for row in rows])
+    centers = flat(np.concatenate([row[0] for row in rows]), height)
+    half_sizes, quaternions = ellipse_axes(np.concatenate([row[1] for row in rows]), SIGMAS)
+    fields: dict[str, Any] = {"centers": centers, "half_sizes": half_sizes, "quaternions": quaternions}
+    if rows[0][2] is not None:
+        fields["colors"] = np.concatenate([row[2] for row in rows])
     return rr.Ellipsoids3D.columns(**fields).partition(lengths)
 
 

@@ -2,8 +2,6 @@
 
 import math
 
-import numpy as np
-
 from runtime.review.columns import ReviewColumns
 from runtime.review.ticks import AssembledTick
 from slam.estimate import Estimate
@@ -56,7 +54,8 @@ def _draw_filter(columns: ReviewColumns, estimate: Estimate) -> None:
 
 
 def _draw_error(columns: ReviewColumns, estimate: Estimate, truth: Pose2 | None) -> None:
-    variance_m2 = float(np.linalg.eigvalsh(estimate.covariance[:2, :2])[-1])
+    (xx, xy, _), (_, yy, _), _ = estimate.covariance.tolist()
+    variance_m2 = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)  # of the larger axis
     if math.isfinite(variance_m2):
         columns.scalar("plots/error/2_sigma_m", 2.0 * math.sqrt(max(variance_m2, 0.0)))
     if truth is not None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.measurements import FloatArray
+from drivers.measurements import BoolArray, FloatArray
 from runtime.review.columns import ReviewColumns
 from runtime.review.layout import TRUTH, VERDICTS
 from runtime.review.ticks import Motion
@@ -27,17 +27,25 @@ def innovations(
 
     The map is the last one published (once a second), so that a landmark may be a second older than the filter's.
     """
-    places_m = dict(zip(landmarks.identities.tolist(), landmarks.means_m, strict=True))
-    known = np.array([k for k, match in enumerate(matches.tolist()) if match in places_m], np.int64)
-    if not known.size:
+    places_m, known = places_of(matches, landmarks)
+    if not known.any():
         return np.empty(0), np.empty(0)
     stamps_ns = np.full(2, features.stamp_ns)
     laser_m, ahead_m = predicted.to_map(stamps_ns, np.array(((0.0, 0.0), (1.0, 0.0))), body_from_laser)
     heading_rad = np.arctan2(ahead_m[1] - laser_m[1], ahead_m[0] - laser_m[0])
-    offsets_m = np.array([places_m[matches[k]] for k in known.tolist()]) - laser_m
+    offsets_m = places_m[known] - laser_m
     bearings_rad = np.arctan2(offsets_m[:, 1], offsets_m[:, 0]) - heading_rad
     range_error_m = features.ranges_m[known] - np.hypot(offsets_m[:, 0], offsets_m[:, 1])
     return range_error_m, wrap_rads(features.bearings_rad[known] - bearings_rad)
+
+
+def places_of(identities: NDArray[np.int64], landmarks: LandmarkMap) -> tuple[FloatArray, BoolArray]:
+    """Where the landmarks of these identities (n,) are, (n, 2), and which of them the map has, (n,)."""
+    if not landmarks.identities.size:
+        return np.zeros((identities.size, 2)), np.zeros(identities.size, np.bool_)
+    order = np.argsort(landmarks.identities)
+    rows = order[np.searchsorted(landmarks.identities, identities, sorter=order).clip(max=order.size - 1)]
+    return landmarks.means_m[rows], landmarks.identities[rows] == identities
 
 
 def draw_innovation(columns: ReviewColumns, range_error_m: FloatArray, bearing_error_rad: FloatArray) -> None:
@@ -63,16 +71,17 @@ def draw_association(
     )
     stamps_ns = np.full(len(features), features.stamp_ns)
     points_m = motion.to_map(stamps_ns, laser_m, body_from_laser)
-    where_m = {} if landmarks is None else dict(zip(landmarks.identities.tolist(), landmarks.means_m, strict=True))
-    rover_m = np.array((motion.map_from_body.x_m, motion.map_from_body.y_m))
-    spokes_m = [
-        np.stack((rover_m, point_m, where_m.get(match, point_m)))
-        for point_m, match in zip(points_m, matches.tolist(), strict=True)
-        if match >= 0
-    ]
+    matched = matches >= 0
+    ends_m = points_m[matched]
+    spokes_m = np.empty((len(ends_m), 3, 2))
+    spokes_m[:, 0] = motion.map_from_body.x_m, motion.map_from_body.y_m
+    spokes_m[:, 1] = spokes_m[:, 2] = ends_m
+    if landmarks is not None:
+        places_m, known = places_of(matches[matched], landmarks)
+        spokes_m[known, 2] = places_m[known]
     columns.strips("map/association/matched", spokes_m)
-    others = [k for k, match in enumerate(matches.tolist()) if match < 0]
-    verdicts = [VERDICTS.get(int(matches[k]), (f"verdict {matches[k]}", TRUTH)) for k in others]
+    others = np.flatnonzero(~matched)
+    verdicts = [VERDICTS.get(match, (f"verdict {match}", TRUTH)) for match in matches[others].tolist()]
     colors = np.array([color for _, color in verdicts], np.uint8).reshape(-1, 3)
     labels = [text for text, _ in verdicts]
     columns.named_points("map/association/new_and_refused", points_m[others], colors, labels)

@@ -121,8 +121,8 @@ class Extent:
         return 1.08 * max(self.high_y_m - self.low_y_m, (self.high_x_m - self.low_x_m) / 1.05, 5.0)
 
 
-def draw_static(recording: rr.RecordingStream, facts: dict[str, str], sigmas: float, body_from_laser: Pose2) -> None:
-    """Styles, the rover's shape, where the laser stands on it, and the legend: said once."""
+def draw_static(recording: rr.RecordingStream, body_from_laser: Pose2) -> None:
+    """Styles, the rover's shape and where the laser stands on it: said once."""
     recording.log("map", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for path, color, size in (
         ("map/laser/kept", KEPT, 1.3),
@@ -152,6 +152,10 @@ def draw_static(recording: rr.RecordingStream, facts: dict[str, str], sigmas: fl
     for path, color in CURVES.items():
         curve = rr.SeriesLines(colors=[color], names=path.rsplit("/", 1)[1].replace("_", " "), widths=1.5)
         recording.log(path, curve, static=True)
+
+
+def draw_legend(recording: rr.RecordingStream, facts: dict[str, str], sigmas: float) -> None:
+    """What the colours mean, and the facts of the run; a later one takes the place of an earlier one."""
     table = "\n".join(f"- {name}: `{value}`" for name, value in facts.items())
     legend = rr.TextDocument(LEGEND.format(facts=table, sigmas=sigmas), media_type="text/markdown")
     recording.log("legend", legend, static=True)

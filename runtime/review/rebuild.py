@@ -1,11 +1,16 @@
 """Makes the picture of a run again from its record."""
 
+import multiprocessing
 import os
-from collections.abc import Callable
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from runtime.atomic_write import replacement
-from runtime.errors import StorageError
+from runtime.errors import InfantError, StorageError
 from runtime.messages.decoding import decoded
 from runtime.messages.pipe import DRAWN
 from runtime.optional_packages import needs
@@ -21,11 +26,11 @@ def build_review(
     out_rrd: Path,
     settings: ReviewSettings | None = None,
     progress: Callable[[float], None] | None = None,
-    verdict: str = "",
+    verdict: Callable[[], str] | None = None,
 ) -> None:
     """Make review.rrd again from a run, as one file; the old ones stay until the new one is whole.
 
-    verdict: of the report, for the caption.
+    verdict: gives that of the report, for the caption; asked for when all else is drawn.
     progress gets the share that is done. Raises NotARunError, StorageError, UsageError (no rerun).
     """
     os.environ.setdefault("RUST_LOG", "error")  # rerun's own words are not for whoever asked for a picture
@@ -39,7 +44,6 @@ def build_review(
     facts = {"run": printable(reader.folder.path.name), "source": header.source, "created": header.created_utc} | {
         name: header.versions[name] for name in ("infant", "rerun-sdk") if name in header.versions
     }
-    facts |= {"verdict": verdict} if verdict else {}
     track = truth_track(reader)
     if track is not None:
         facts["truth"] = track.name
@@ -49,14 +53,59 @@ def build_review(
             writer = ReviewWriter(
                 unfinished, given, configuration.slam.mount, facts, track, batch_ticks=AFTERWARDS_TICKS
             )
-            for record in reader.records():
-                if record.topic in DRAWN:
-                    decoded(record, lambda _: writer.feed(record), reader.place)  # noqa: B023 called at once
-                    if progress is not None and record.topic == "/tick":
-                        progress(reader.read_fraction)
+            for record in reader.records(DRAWN):
+                decoded(record, lambda _: writer.feed(record), reader.place)  # noqa: B023 called at once
+                if progress is not None and record.topic == "/tick":
+                    progress(reader.read_fraction)
+            if verdict is not None:
+                writer.tell({"verdict": verdict()})
             writer.close()
         for part in RunFolder(out_rrd.parent).review_paths():
             if part != out_rrd:
                 part.unlink()  # it is in the new one
     except OSError as error:
         raise StorageError(f"{out_rrd} cannot be written ({error.strerror}); free space or check the mount") from error
+
+
+@contextmanager
+def drawn_meanwhile(run: Path, out_rrd: Path) -> Iterator[Callable[[str], None]]:
+    """Make review.rrd again in a process of its own, which ends with the verdict that is given to what this yields.
+
+    Where none is given, or something is raised inside, no picture is left. Raises what build_review does.
+    """
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_draw, args=(run, out_rrd, theirs), name="infant-draw", daemon=True)
+    process.start()
+    theirs.close()
+
+    def finish(verdict: str) -> None:
+        with suppress(OSError):  # it has ended; what it says is read all the same
+            ours.send(verdict)
+        try:
+            error = ours.recv()
+        except (EOFError, OSError):
+            error = InfantError(f"the process that draws {out_rrd} ended with code {process.exitcode}; draw it again")
+        if error is not None:
+            raise error
+
+    try:
+        yield finish
+    finally:
+        ours.close()
+        process.terminate()  # has an effect only where it has not been let finish
+        process.join()
+
+
+def _draw(run: Path, out_rrd: Path, asked: "Connection[InfantError | None, str]") -> None:
+    """The process: draws, waits for the verdict, and says what went wrong, None where nothing did."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is its parent's, which then terminates it
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    try:
+        build_review(run, out_rrd, verdict=asked.recv)
+    except EOFError:
+        return  # nobody waits any more
+    except InfantError as error:
+        asked.send(error)
+    else:
+        asked.send(None)

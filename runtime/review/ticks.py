@@ -11,7 +11,7 @@ from runtime.messages.ros import decode_ranges_m
 from runtime.messages.tick import Record, decode_gap, decode_tick, decode_timing, decode_truth
 from runtime.tick import Tick, Timing
 from slam.estimate import Estimate
-from slam.pose import Pose2, rotated
+from slam.pose import Pose2
 
 ELAPSED, TICK = "elapsed", "tick"
 """The two timelines: seconds since the first tick, and the number of the tick."""
@@ -97,19 +97,33 @@ class Motion:
         return cls(now.stamp_ns, now.map_from_body, span_ns, now.odom_from_body.inverse() @ before.odom_from_body)
 
     def to_map(self, stamps_ns: NDArray[np.int64], points_m: FloatArray, body_from_laser: Pose2) -> FloatArray:
-        """Points (N, 2) of the laser's frame, each seen at its own stamp (N,), in the map frame."""
-        before = self.body_from_body_before
+        """Points (N, 2) of the laser's frame, each seen at its own stamp (N,), in the map frame.
+
+        Each is turned once, by all three angles together: mount, motion since the scan, pose.
+        """
+        before, pose, mount = self.body_from_body_before, self.map_from_body, body_from_laser
         share = np.clip((self.stamp_ns - stamps_ns) / self.span_ns, -1.0, 3.0)
-        body_m = body_from_laser.transform(points_m)
-        moved = share[:, np.newaxis] * before.as_array()
-        return self.map_from_body.transform(moved[:, :2] + rotated(body_m, moved[:, 2]))
+        angles_rad = pose.heading_rad + share * before.heading_rad
+        cosine, sine = np.cos(angles_rad), np.sin(angles_rad)
+        x, y = mount.transform(points_m).T
+        places_m = pose.transform(share[:, None] * (before.x_m, before.y_m))
+        places_m[:, 0] += cosine * x - sine * y
+        places_m[:, 1] += sine * x + cosine * y
+        return places_m
 
 
-def beam_points(scan: Scan) -> tuple[NDArray[np.int64], FloatArray, NDArray[np.bool_]]:
-    """Stamps (N,), points (N, 2) in the laser's frame and whether something came back (N,), of every beam."""
-    beams = np.arange(scan.ranges_m.size)
-    stamps_ns = scan.stamp_ns + ((beams - scan.stamp_beam) * (scan.beam_period_s * 1e9)).astype(np.int64)
-    returned = np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.range_max_m)
-    ranges_m = np.where(returned, scan.ranges_m, 0.0).astype(np.float64)
-    points_m = ranges_m[:, None] * np.stack((np.cos(scan.bearings_rad), np.sin(scan.bearings_rad)), axis=-1)
-    return stamps_ns, points_m, returned
+class BeamPoints:
+    """Beams as points; the directions of a laser that looks where it looked before are not reckoned anew."""
+
+    def __init__(self) -> None:
+        self._bearings_rad: FloatArray = np.empty(0)
+        self._directions: FloatArray = np.empty((0, 2))
+
+    def of(self, scan: Scan) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
+        """Numbers (n,), stamps (n,) and points (n, 2) in the laser's frame, of every beam that came back."""
+        if scan.bearings_rad is not self._bearings_rad:
+            self._bearings_rad = scan.bearings_rad
+            self._directions = np.stack((np.cos(scan.bearings_rad), np.sin(scan.bearings_rad)), axis=-1)
+        beams = np.flatnonzero(np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.range_max_m))
+        stamps_ns = scan.stamp_ns + ((beams - scan.stamp_beam) * (scan.beam_period_s * 1e9)).astype(np.int64)
+        return beams, stamps_ns, scan.ranges_m[beams, None].astype(np.float64) * self._directions[beams]

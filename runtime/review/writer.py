@@ -21,12 +21,13 @@ from runtime.review.layout import (
     DOUBTED,
     SURE,
     TRUTH,
+    draw_legend,
     draw_rover,
     draw_set_truth,
     draw_static,
     layout,
 )
-from runtime.review.ticks import AssembledTick, Motion, TickAssembler, beam_points
+from runtime.review.ticks import AssembledTick, BeamPoints, Motion, TickAssembler
 from runtime.review.truth import TruthTrack
 from runtime.settings.review import ReviewSettings
 from slam.estimate import Estimate, Quality
@@ -69,13 +70,11 @@ class ReviewWriter:
     ) -> None:
         self._path, self._viewer_url = path, viewer_url
         self._batch_ticks = batch_ticks if viewer_url is None else LIVE_TICKS
-        self._settings = settings
-        self._mount = mount or MountSettings()
+        self._settings, self._mount = settings, mount or MountSettings()
         self._body_from_laser = self._mount.as_pose()
-        self._assembler = TickAssembler()
+        self._assembler, self._beams = TickAssembler(), BeamPoints()
         self._state = DrawingState(with_truth=track is not None)
-        self._track = track
-        self._track_drawn = 0
+        self._track, self._track_drawn = track, 0
         self._paths: dict[str, list[tuple[float, float]]] = {name: [] for name in PATHS}
         self._facts = dict(facts or {})
         self._name = printable(self._facts.get("run", path.parent.name))
@@ -100,12 +99,15 @@ class ReviewWriter:
 
         Raises StorageError when the disk was full.
         """
-        assembled = self._assembler.last()
-        if assembled is not None:
-            self.draw(assembled)
+        self._draw_last()
         if has_ended and self._state.before is not None:
             draw_end(self._columns, "end", self._state.before.map_from_body)
         self._end()
+
+    def tell(self, facts: Mapping[str, str]) -> None:
+        """Further lines for legend and caption, known only now."""
+        self._facts |= facts
+        draw_legend(self._recording, self._facts, SIGMAS)
 
     def draw_before(self, path_m: FloatArray) -> None:
         """The way (n, 2) that a rover had driven when somebody began to look."""
@@ -126,7 +128,8 @@ class ReviewWriter:
         except (RuntimeError, OSError) as error:
             raise StorageError(f"{self._path} cannot be written ({error}); give a writable folder") from error
         recording.send_recording_name(self._name or "run")
-        draw_static(recording, self._facts, SIGMAS, self._body_from_laser)
+        draw_static(recording, self._body_from_laser)
+        draw_legend(recording, self._facts, SIGMAS)
         draw_end_styles(recording)
         if self._track is not None:
             draw_set_truth(recording, self._track.landmarks_m)
@@ -150,9 +153,7 @@ class ReviewWriter:
 
     def _rotate(self, number: int) -> None:
         """Close the file under the number of its segment and go on in a new one."""
-        assembled = self._assembler.last()
-        if assembled is not None:
-            self.draw(assembled)
+        self._draw_last()
         self._end()
         try:
             os.replace(self._path, self._path.with_name(RunFolder.closed_review_name(number)))
@@ -199,6 +200,10 @@ class ReviewWriter:
         if self._state.drawn % self._batch_ticks == 0:
             self._flush()
 
+    def _draw_last(self) -> None:
+        if (assembled := self._assembler.last()) is not None:
+            self.draw(assembled)
+
     def _due(self, what: str, every: int) -> bool:
         """Whether this was last drawn `every` ticks ago or more; a tick without a scan only puts it off."""
         if self._state.drawn - self._state.last_drawn.get(what, -every) < every:
@@ -222,8 +227,7 @@ class ReviewWriter:
         pose = estimate.map_from_body
         self._columns.pose("map/rover", pose)
         center_m = np.array(((pose.x_m, pose.y_m),))
-        covariance_m2 = estimate.covariance[None, :2, :2]
-        self._columns.ellipses("map/pose_covariance", center_m, covariance_m2, None)
+        self._columns.ellipses("map/pose_covariance", center_m, estimate.covariance[None, :2, :2], None)
         self._paths["SLAM"].append((pose.x_m, pose.y_m))
         self._paths["odometry"].append((estimate.odom_from_body.x_m, estimate.odom_from_body.y_m))
         if truth is not None:
@@ -254,8 +258,7 @@ class ReviewWriter:
         draw_innovation(self._columns, *errors)
 
     def _draw_landmarks(self, estimate: Estimate) -> None:
-        landmarks = estimate.landmarks
-        if landmarks is None:
+        if (landmarks := estimate.landmarks) is None:
             return
         self._state.landmarks = landmarks
         sure = 1.0 / (1.0 + np.exp(-landmarks.existence_log_odds))
@@ -263,23 +266,22 @@ class ReviewWriter:
         labels = [f"{name} ({p:.2f})" for name, p in zip(landmarks.identities.tolist(), sure.tolist(), strict=True)]
         self._columns.named_points("map/landmarks", landmarks.means_m, colors, labels)
         see_through = np.concatenate((colors, np.full((len(colors), 1), 60, np.uint8)), axis=1)
-        means_m, covariances_m2 = landmarks.means_m, landmarks.covariances_m2
-        self._columns.ellipses("map/landmarks/covariances", means_m, covariances_m2, see_through)
+        self._columns.ellipses("map/landmarks/covariances", landmarks.means_m, landmarks.covariances_m2, see_through)
         self._state.extent = self._state.extent.with_points(landmarks.means_m)
 
     def _draw_scan(self, scan: Scan, estimate: Estimate, motion: Motion) -> None:
         """Each beam where the laser was when it was taken, in the colour of what the front end made of it."""
         if not self._due("scan", self._settings.scan_every):
             return
-        stamps_ns, laser_m, returned = beam_points(self._mount.upright(scan))
+        beams, stamps_ns, laser_m = self._beams.of(self._mount.upright(scan))
         verdicts = estimate.beam_verdicts
-        if verdicts is None or verdicts.size != returned.size:
-            verdicts = np.full(returned.size, BeamVerdict.NOT_COMPARED, np.uint8)
-        points_m = motion.to_map(stamps_ns[returned], laser_m[returned], self._body_from_laser)
+        if verdicts is None or verdicts.size != scan.ranges_m.size:
+            verdicts = np.full(scan.ranges_m.size, BeamVerdict.NOT_COMPARED, np.uint8)
+        points_m, verdicts = motion.to_map(stamps_ns, laser_m, self._body_from_laser), verdicts[beams]
         for verdict, path in LASER_PATHS.items():
-            self._columns.points(path, points_m[verdicts[returned] == verdict])
+            self._columns.points(path, points_m[verdicts == verdict])
         if self._due("trace", TRACE_EVERY):
-            self._columns.points("map/laser/trace", points_m[verdicts[returned] == BeamVerdict.KEPT][::TRACE_STEP])
+            self._columns.points("map/laser/trace", points_m[verdicts == BeamVerdict.KEPT][::TRACE_STEP])
 
     def _flush(self) -> None:
         """Send the columns and one piece of each path, which begins where the last one ended."""
@@ -292,6 +294,6 @@ class ReviewWriter:
             self._state.path_ends_m[name] = piece_m[-1:]
             self._state.extent = self._state.extent.with_points(piece_m)
             if len(piece_m) > 1:
-                self._columns.strips(f"map/path/{name}", [piece_m])
+                self._columns.strip(f"map/path/{name}", piece_m)
             points.clear()
         self._columns.flush()

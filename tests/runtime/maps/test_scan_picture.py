@@ -8,7 +8,7 @@ from runtime.maps.scan_picture import APART_NS, CELL_M, MOST_PIXELS, ScanCells, 
 
 
 def _pixels(picture: ScanPicture) -> np.ndarray:
-    return np.asarray(Image.open(io.BytesIO(b64decode(picture.url.partition(",")[2]))))
+    return np.asarray(Image.open(io.BytesIO(b64decode(picture.url.partition(",")[2]))).convert("RGBA"))
 
 
 def test_a_point_is_where_the_map_has_it_and_darker_the_oftener_it_was_seen() -> None:

@@ -124,6 +124,7 @@ def test_what_is_being_written_stays(tmp_path: Path) -> None:
     drive.run(15)
     assert is_being_written(drive.folder.mcap_path)
     assert not is_being_written(drive.folder.closed_path(1))
+    assert not is_being_written(drive.folder.path / "run-0099.mcap"), "what is gone is written by nobody"
     make_room(drive.folder, drive.segments.manifest, RecordSettings(budget_gb=1e-9, **NO_RESERVE), False)
     assert drive.folder.segment_paths() == [drive.folder.mcap_path]
 

@@ -12,12 +12,13 @@ import pytest
 from typer.testing import CliRunner
 
 from runtime.cli.__main__ import app
-from runtime.errors import NotARunError
+from runtime.errors import NotARunError, StorageError
 from runtime.report.build import build_report, is_as_grave
 from runtime.report.compare import build_comparison
 from runtime.report.figures import figures
 from runtime.report.gather import gather
 from runtime.report.page import page
+from runtime.review.rebuild import drawn_meanwhile
 from slam.estimate import Recognition
 from tests.support.runtime.seeded_runs import FAULTS, seeded_facts
 
@@ -95,6 +96,19 @@ def test_review_fails_on_what_it_was_told_to(run: Path) -> None:
     kept = CliRunner().invoke(app, ["review", str(run), "--fail-on", "error", "--json"])
     assert kept.exit_code == 0
     assert json.loads(kept.stdout)["severity"] == "warn"
+
+
+def test_the_picture_that_is_drawn_meanwhile_has_the_verdict_and_none_is_left_where_the_report_fails(
+    run: Path, tmp_path: Path
+) -> None:
+    with drawn_meanwhile(run, tmp_path / "review.rrd") as finish:
+        finish("healthy, says the test")
+    assert b"healthy, says the test" in (tmp_path / "review.rrd").read_bytes()
+    with pytest.raises(StorageError, match="no room"), drawn_meanwhile(run, tmp_path / "other.rrd"):
+        raise StorageError("no room")
+    with pytest.raises(StorageError, match="cannot be written"), drawn_meanwhile(run, tmp_path / "no" / "a") as finish:
+        finish("")
+    assert [path.name for path in tmp_path.iterdir()] == ["review.rrd"]
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ def read(counters_ms: list[int]) -> tuple[list[float], list[float]]:
     clock = DeviceClockReader()
     for k, counter_ms in enumerate(counters_ms):
         data = b"MD0000108001000\n99b\n" + encode_time(counter_ms) + b"\n"
-        clock.feed(encode_laser_bytes(LaserBytes(k * PERIOD_MS * 1_000_000, False, data)))
+        clock.feed(encode_laser_bytes(LaserBytes(k * PERIOD_MS * 1_000_000, False, data)).data)
     columns = clock.columns(0)
     return columns.arrival_s.tolist(), columns.device_s.tolist()
 
@@ -33,5 +33,5 @@ def test_a_device_that_began_anew_late_in_its_counter_is_no_wrap() -> None:
 def test_bytes_to_the_laser_are_not_read() -> None:
     clock = DeviceClockReader()
     record: Record = encode_laser_bytes(LaserBytes(0, True, b"MD\n99b\n" + encode_time(5) + b"\n"))
-    clock.feed(record)
+    clock.feed(record.data)
     assert clock.columns(0).arrival_s.size == 0

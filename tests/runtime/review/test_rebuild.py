@@ -1,5 +1,6 @@
 """The picture holds what the records hold, in the map's frame, and costs what it may cost."""
 
+import math
 import resource
 from collections import defaultdict
 from dataclasses import replace
@@ -17,7 +18,7 @@ from runtime.errors import StorageError
 from runtime.messages.tick import Gap, Record, encode_gap, encode_tick
 from runtime.review.columns import ellipse_axes, mixed
 from runtime.review.layout import Extent
-from runtime.review.ticks import Motion, TickAssembler, beam_points
+from runtime.review.ticks import BeamPoints, Motion, TickAssembler
 from runtime.review.writer import ReviewWriter
 from runtime.settings.review import ReviewSettings
 from slam.estimate import Estimate
@@ -236,9 +237,9 @@ def test_without_an_estimate_before_the_rover_stands_still() -> None:
 
 def test_beams_without_return_are_not_points() -> None:
     scan = Scan(0, np.array([1.0, np.nan, 30.0, 2.0], np.float32), np.array([0.0, 0.1, 0.2, 0.3]), 0.0, 0, 30.0)
-    _, points_m, returned = beam_points(scan)
-    assert returned.tolist() == [True, False, False, True]
-    assert np.isfinite(points_m).all()
+    beams, _, points_m = BeamPoints().of(scan)
+    assert beams.tolist() == [0, 3]
+    np.testing.assert_allclose(points_m, [[1.0, 0.0], [2.0 * math.cos(0.3), 2.0 * math.sin(0.3)]], rtol=1e-6)
 
 
 def test_an_ellipse_lies_along_its_largest_variance() -> None:
