@@ -1,13 +1,12 @@
 """Commands on maps: map save, map info, map check, map draw, map merge, map live."""
 
 import sys
-import threading
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from runtime.cli.live import stop_on_signals
+from runtime.cli.live import stopping
 from runtime.cli.output import answer
 from runtime.cli.progress import AsJson, progress_bar
 
@@ -102,11 +101,7 @@ def live(
     """Publish the occupancy grid of a running rover once a second on infant/ROVER/grid, from a separate process."""
     from runtime.maps.live_grid import publish_live_grid
 
-    stop = stop_on_signals()
-    if duration is not None:
-        timer = threading.Timer(duration, stop.set)
-        timer.daemon = True  # what ends earlier does not wait for it
-        timer.start()
+    stop = stopping(duration)
     file = None if zenoh_file is None else str(zenoh_file)
     sent = publish_live_grid(connect, rover, resolution, file, stop, sys.stderr)
     answer({"rover": rover, "grids": sent}, (f"grids     {sent} on infant/{rover}/grid",), as_json)

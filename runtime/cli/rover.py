@@ -1,7 +1,6 @@
 """Commands that speak to a running rover: command, page, bridge ros2, bridge rclpy."""
 
 import sys
-import threading
 from enum import StrEnum
 from importlib.resources import files
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.live import stop_on_signals
+from runtime.cli.live import stopping
 from runtime.cli.output import answer, say, say_json
 from runtime.cli.progress import AsJson
 
@@ -24,16 +23,6 @@ ZenohFile = Annotated[
     Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for the router of a fleet")
 ]
 Duration = Annotated[float | None, typer.Option("--duration", min=1.0, help="seconds; default: until Ctrl-C")]
-
-
-def stopping(duration_s: float | None) -> threading.Event:
-    """Set by a signal, or when the time is over."""
-    stop = stop_on_signals()
-    if duration_s is not None:
-        timer = threading.Timer(duration_s, stop.set)
-        timer.daemon = True  # what ends earlier does not wait for it
-        timer.start()
-    return stop
 
 
 def ros2(

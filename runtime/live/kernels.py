@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -21,8 +22,8 @@ KERNEL = re.compile(r"^@(?:kernel|leaf|inlined)$", re.MULTILINE)  # nearly each 
 POLL_S = 1.0
 
 
-def load_kernels(settings: SlamSettings, tell: Callable[[str], None]) -> None:
-    """Load every kernel, so that the first tick is as quick as the others.
+def load_kernels(settings: SlamSettings, tell: Callable[[str], None], stop: threading.Event) -> None:
+    """Load every kernel, so that the first tick is as quick as the others; nothing once `stop` is set.
 
     tell: told how far compiling is, where that is needed.
 
@@ -31,17 +32,21 @@ def load_kernels(settings: SlamSettings, tell: Callable[[str], None]) -> None:
     """
     cache = use_compile_cache(os.environ)
     if is_kept(cache) and not _marker(cache).exists():
-        with subprocess.Popen(COMPILE) as compiling:
-            _tell_progress(cache, compiling, tell)
+        with subprocess.Popen(COMPILE, start_new_session=True) as compiling:  # Ctrl-C is for us: we end it
+            _tell_progress(cache, compiling, tell, stop)
+    if stop.is_set():
+        return
     Estimator.warm_up(settings)
     mark_complete(cache)
 
 
-def _tell_progress(cache: Path, compiling: "subprocess.Popen[bytes]", tell: Callable[[str], None]) -> None:
-    """Say how many kernels are compiled whenever that changes, until the process ends."""
+def _tell_progress(
+    cache: Path, compiling: "subprocess.Popen[bytes]", tell: Callable[[str], None], stop: threading.Event
+) -> None:
+    """Say how many kernels are compiled whenever that changes, until the process ends or is to end."""
     total = sum(len(KERNEL.findall(path.read_text(encoding="utf-8"))) for path in SOURCES.rglob("*.py"))
     shown = -1
-    while True:
+    while not stop.is_set():
         done = min(total, sum(1 for _ in cache.rglob("*.nbi")))
         if done != shown:
             tell(f"starting: compiling kernels {done} of {total} (once after each change of the program)")
@@ -49,6 +54,7 @@ def _tell_progress(cache: Path, compiling: "subprocess.Popen[bytes]", tell: Call
         with contextlib.suppress(subprocess.TimeoutExpired):
             compiling.wait(POLL_S)
             return
+    compiling.terminate()
 
 
 def mark_complete(cache: Path) -> None:

@@ -58,7 +58,7 @@ def run_live(
     watch = Watch(host, parts, configuration.loop.rate_hz)
     try:
         events = watch.enter(RunState.STARTING)
-        load_kernels(configuration.slam, watch.line.announce)
+        load_kernels(configuration.slam, watch.line.announce, host.stop)
         estimator = Estimator(configuration.slam, configuration.seed, stages.mark, start=for_estimator(start))
         loop = Loop(
             stages,
@@ -67,18 +67,19 @@ def run_live(
             Outputs({**parts.sinks, "errors": errors}, watch.monitor, watch),
             round(1e9 / configuration.loop.rate_hz),
         )
-        parts.start()
-        await_sensors(parts, READY_S, host.stop)
-        watch.line.start()
-        freeze_garbage()
-        for refusal in enter_real_time(configuration.loop.priority):
-            watch.line.write(f"infant: {refusal}\n")
-        events += watch.enter(RunState.READY)
-        start_ns = host.clock.now_ns() + LEAD_NS
-        parts.start_world(start_ns)
-        events += () if start is None else (start.event(start_ns),)
-        host.manager.ready()
-        loop.run(start_ns, host.stop, None if duration_s is None else round(duration_s * 1e9), events)
+        if not host.stop.is_set():
+            parts.start()
+            await_sensors(parts, READY_S, host.stop)
+            watch.line.start()
+            freeze_garbage()
+            for refusal in enter_real_time(configuration.loop.priority):
+                watch.line.write(f"infant: {refusal}\n")
+            events += watch.enter(RunState.READY)
+            start_ns = host.clock.now_ns() + LEAD_NS
+            parts.start_world(start_ns)
+            events += () if start is None else (start.event(start_ns),)
+            host.manager.ready()
+            loop.run(start_ns, host.stop, None if duration_s is None else round(duration_s * 1e9), events)
         summary = summarise(str(folder.path), loop.timekeeping, errors, parts.sensor_health())
     finally:
         host.manager.stopping()

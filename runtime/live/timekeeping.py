@@ -17,6 +17,14 @@ class Durations:
         self._count = 0
         self.largest_ns = 0
 
+    @classmethod
+    def of(cls, durations_ms: NDArray[np.float64]) -> "Durations":
+        """Those of a record, in which NaN is none: what is read in a review is what the run itself said."""
+        durations = cls()
+        for duration_ns in np.rint(durations_ms[np.isfinite(durations_ms)] * 1e6).astype(np.int64).tolist():
+            durations.add(duration_ns)
+        return durations
+
     def __len__(self) -> int:
         return self._count
 

@@ -61,8 +61,12 @@ class RunFolder:
         try:
             yield
         except KeyboardInterrupt:
-            shutil.rmtree(self.path, ignore_errors=True)
+            self.remove()
             raise
+
+    def remove(self) -> None:
+        """Take a folder that holds nothing of use, just made, away again."""
+        shutil.rmtree(self.path, ignore_errors=True)
 
     @classmethod
     def open(cls, path: Path) -> "RunFolder":

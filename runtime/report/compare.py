@@ -40,6 +40,7 @@ FIGURES = (
     ("matches in a scan, median", "", ("filter", "matched", "p50")),
     ("landmarks created", "", ("landmarks", "born")),
     ("landmarks removed", "", ("landmarks", "removed")),
+    ("landmarks at the end", "", ("landmarks", "at_end")),
     ("landmarks in the map", "", ("landmarks", "confirmed")),
 )
 """Label, unit and place of each figure in report.json."""

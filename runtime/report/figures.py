@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
+from runtime.live.timekeeping import Durations
 from runtime.map_files.changes import map_changes
 from runtime.report.events.repeated import repeated
 from runtime.report.events.states import state_times
@@ -65,12 +66,13 @@ def _health(facts: RunFacts) -> list[dict[str, Any]]:
 
 def _timing(facts: RunFacts) -> dict[str, Any]:
     ticks = facts.ticks
+    lateness = Durations.of(ticks.lateness_ms)
     rate_hz = (ticks.times_s.size - 1) / facts.duration_s if facts.duration_s > 0.0 else None
     return {
         "ticks": int(ticks.times_s.size),
         "missed": int(ticks.missed.sum()),
         "rate_hz": None if rate_hz is None else round(rate_hz, 3),
-        "lateness_ms": spread(ticks.lateness_ms),
+        "lateness_ms": lateness.spread() if len(lateness) else None,
         "stages_ms": {name: spread(values) for name, values in ticks.stages_ms.items()},
     }
 

@@ -95,7 +95,7 @@ def tiles(figures: dict[str, Any]) -> list[tuple[str, str]]:
         (f"{timing['missed']} of {timing['ticks'] + timing['missed']}" if late else "", "beats missed"),
         (f"{late['p99']:.2f} ms" if late else "", "lateness, 99 %"),
         (f"{laser['samples']}", "scans"),
-        (f"{figures['landmarks']['confirmed']}", "landmarks in the map"),
+        (f"{figures['landmarks']['at_end']}", "landmarks"),
     ]
     return [item for item in shown if item[0]]
 

@@ -108,7 +108,7 @@ def _wait(devices: Mapping[str, Device], stop: threading.Event, stream: TextIO, 
         stream.flush()
 
     if faults is not None:
-        say(f"type one fault per line, help lists them: {EXAMPLES}")
+        say(f"type faults, one per line; help lists them: {EXAMPLES}")
         obey_lines(faults, devices, say)
     stream.flush()
     stop.wait()

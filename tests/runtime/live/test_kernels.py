@@ -1,5 +1,6 @@
 import os
 import subprocess
+import threading
 from pathlib import Path
 from typing import Self
 
@@ -9,6 +10,8 @@ from runtime.live import kernels
 from slam.estimator import Estimator
 from slam.kernel_cache import sources_hash
 from slam.settings.slam import SlamSettings
+
+GO_ON = threading.Event()
 
 
 @pytest.fixture
@@ -23,9 +26,12 @@ def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[object]:
     class Compiling:
         """Writes one index file, then is done."""
 
-        def __init__(self, command: object) -> None:
+        def __init__(self, command: object, start_new_session: bool) -> None:
             self._waits = 0
             commands.append(command)
+
+        def terminate(self) -> None:
+            commands.append("terminated")
 
         def __enter__(self) -> Self:
             return self
@@ -47,8 +53,8 @@ def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[object]:
 def test_an_empty_cache_is_filled_by_another_process_and_only_once(
     compiled: list[object], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    kernels.load_kernels(SlamSettings(), print)
-    kernels.load_kernels(SlamSettings(), print)
+    kernels.load_kernels(SlamSettings(), print, GO_ON)
+    kernels.load_kernels(SlamSettings(), print, GO_ON)
     assert compiled == [kernels.COMPILE]
     first, second = capsys.readouterr().out.splitlines()
     assert first.startswith("starting: compiling kernels 0 of ")
@@ -57,20 +63,32 @@ def test_an_empty_cache_is_filled_by_another_process_and_only_once(
 
 def test_a_file_that_was_written_again_is_compiled_again(compiled: list[object], tmp_path: Path) -> None:
     """numba compares times: a checkout that changes no byte makes it compile."""
-    kernels.load_kernels(SlamSettings(), print)
+    kernels.load_kernels(SlamSettings(), print, GO_ON)
     sources = tmp_path / "slam"
     sources.mkdir()
     (sources / "a.py").write_text("")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernels, "SOURCES", sources)
-        kernels.load_kernels(SlamSettings(), print)
-        kernels.load_kernels(SlamSettings(), print)
+        kernels.load_kernels(SlamSettings(), print, GO_ON)
+        kernels.load_kernels(SlamSettings(), print, GO_ON)
         os.utime(sources / "a.py", ns=(1, 1))
-        kernels.load_kernels(SlamSettings(), print)
+        kernels.load_kernels(SlamSettings(), print, GO_ON)
     assert len(compiled) == 3
 
 
 def test_after_warmup_the_first_run_needs_no_other_process(compiled: list[object]) -> None:
     kernels.mark_complete(Path(os.environ["NUMBA_CACHE_DIR"]))
-    kernels.load_kernels(SlamSettings(), print)
+    kernels.load_kernels(SlamSettings(), print, GO_ON)
     assert compiled == []
+
+
+def test_a_run_that_is_stopped_while_kernels_compile_ends_the_compiler_and_loads_none(
+    compiled: list[object], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stop, loaded = threading.Event(), list[object]()
+    monkeypatch.setattr(Estimator, "warm_up", loaded.append)
+    kernels.load_kernels(SlamSettings(), lambda _progress: stop.set(), stop)
+    assert compiled == [kernels.COMPILE, "terminated"]
+    assert loaded == []
+    kernels.load_kernels(SlamSettings(), print, GO_ON)
+    assert len(loaded) == 1

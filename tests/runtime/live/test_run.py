@@ -97,7 +97,7 @@ class Neighbours:
 def test_everyone_sees_the_run_start_get_ready_run_and_stop(tmp_path: Path) -> None:
     port = free_port()
     neighbours = Neighbours(tmp_path)
-    words = ("--duration", "4", "--set", f"publish.listen=['tcp/127.0.0.1:{port}']", "--set", "publish.connect=[]")
+    words = ("--duration", "20", "--set", f"publish.listen=['tcp/127.0.0.1:{port}']", "--set", "publish.connect=[]")
     run = start_run(tmp_path / "run", *words, NOTIFY_SOCKET=str(tmp_path / "notify"))
     try:
         assert until(lambda: neighbours.connect(f"tcp/127.0.0.1:{port}"), 600.0)
@@ -141,7 +141,7 @@ def without_pictures(tmp_path: Path) -> str:
 
 
 def test_where_rerun_is_absent_the_rover_drives_and_says_what_to_install(tmp_path: Path, without_pictures: str) -> None:
-    listen = ("--set", "publish.listen=['tcp/127.0.0.1:0']", "--duration", "2")
+    listen = ("--set", "publish.listen=['tcp/127.0.0.1:0']", "--duration", "20")
     for name, live in (("asked", "true"), ("not-asked", "false")):
         run = start_run(tmp_path / name, *listen, "--set", f"review.live={live}", PYTHONPATH=without_pictures)
         _, errors = run.communicate(timeout=600)

@@ -154,7 +154,7 @@ def test_a_changed_configuration_is_not_believed(tmp_path: Path) -> None:
     write_run(tmp_path / "run")
     path = tmp_path / "run" / "run.mcap"
     path.write_bytes(path.read_bytes().replace(b"seed = 1", b"seed = 7", 1))
-    with pytest.raises(NotARunError, match="not what was written"):
+    with pytest.raises(NotARunError, match="differs from what was written"):
         RunReader(path)
 
 
