@@ -20,6 +20,8 @@ from slam.pose import Pose2, wrap_rad
 
 HEARD = ("pose", "odom", "scan_full", "particles", "status", "event")
 MOST_LANDMARKS = 50_000
+MOST_EVENTS = 200  # between two poses
+FAR_NS = 1 << 62
 FARTHEST_M = 1e6
 NOWHERE = np.zeros((3, 3))
 
@@ -57,7 +59,7 @@ class LiveTicks:
                 case "status":
                     self._status = believed(f"infant/{self._rover}/status", message.data)
                 case "event":
-                    self._events.append(_event_of(json.loads(message.data)))
+                    self._events = [*self._events, _event_of(json.loads(message.data))][-MOST_EVENTS:]
                 case "map":
                     self._landmarks = _landmarks_of(json.loads(message.data))
         except (ValueError, KeyError, TypeError, IndexError, ArithmeticError, RecursionError):
@@ -133,7 +135,10 @@ def _landmarks_of(said: dict[str, Any]) -> LandmarkMap:
 
 def _event_of(said: dict[str, Any]) -> Event:
     source, kind, reason = (printable(str(said[name]), 300) for name in ("source", "kind", "reason"))
-    return Event(int(said["stamp_ns"]), source, kind, reason, Severity(said["severity"]))
+    stamp_ns = int(said["stamp_ns"])
+    if abs(stamp_ns) > FAR_NS:
+        raise ValueError("a time that no clock shows")
+    return Event(stamp_ns, source, kind, reason, Severity(said["severity"]))
 
 
 def _quality_of(said: Any) -> Quality:

@@ -83,4 +83,5 @@ def distance_outside(saved: SavedMap, pose: Pose2) -> float:
 def _twins(points_m: np.ndarray) -> int:
     from scipy.spatial import cKDTree  # slow to import, and only this asks for it
 
-    return len(cKDTree(points_m).query_pairs(TWINS_M))
+    tree = cKDTree(points_m)
+    return (int(tree.count_neighbors(tree, TWINS_M)) - len(points_m)) // 2  # a list of pairs could be endless

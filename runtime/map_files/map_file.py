@@ -32,6 +32,19 @@ SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "block_m2": ("<f8", ("S", "S")),
     "after_miss": ("<f8", (2,)),
 }
+LARGEST: dict[str, float] = {
+    "means_m": 1e6,
+    "covariances_m2": 1e6,
+    "weights": 1e3,
+    "residuals": 1e6,
+    "block_m2": 1e6,
+    "log_odds": 1e6,
+    "looks": 1e12,
+    "finds": 1e12,
+    "after_miss": 1e12,
+}
+"""Magnitudes that no drive reaches: beyond them squares overflow."""
+FAR = 1 << 60  # of numbers of landmarks and scans
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +157,11 @@ def _decode_joint(header: dict[str, Any], payload: bytes) -> JointMap:
         raise ValueError("a landmark refers to one that comes after it")
     if not all(np.isfinite(array).all() for array in arrays.values()):
         raise ValueError("a number in it is not finite")
+    for name, most in LARGEST.items():
+        if not (np.abs(arrays[name]) <= most).all():
+            raise ValueError(f"a number of {name} is beyond {most:g}")
+    if not (0 <= joint.scans < FAR >> 12 and ((joint.identities >= 0) & (joint.identities < FAR)).all()):
+        raise ValueError("a landmark or the number of scans is counted beyond all drives")
     if len(np.unique(joint.identities)) != len(joint):
         raise ValueError("two of its landmarks have the same name")
     return joint

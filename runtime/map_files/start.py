@@ -1,9 +1,12 @@
 """The map that a run begins in: chosen on the command line, kept beside the record, and found again by a replay."""
 
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from drivers.measurements import Event
 from runtime.bounded_read import read_bounded
@@ -16,8 +19,11 @@ from runtime.printable import printable
 from runtime.record.folder import LARGEST_MAP_BYTES, RunFolder
 from runtime.record.header import RunHeader
 from runtime.settings.configuration import Configuration
-from slam.maps.start import MapStart
+from slam.maps.start import MapStart, first_maps
 from slam.pose import Pose2
+from slam.settings.slam import SlamSettings
+
+MOST_SPREAD_M = 1000.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +89,7 @@ def choose_start(
     if start_at is None:
         return RunStart(path, saved, data, localise_only, None, fitness.notes)
     pose = parse_pose(start_at)
+    _check_certainty(saved, pose, str(path))
     outside_m = distance_outside(saved, pose)
     reach_m = configuration.slam.view.range_max_m
     if outside_m > reach_m:
@@ -92,6 +99,19 @@ def choose_start(
             f"x {low[0]:.0f} to {high[0]:.0f} m and y {low[1]:.0f} to {high[1]:.0f} m: no sensor reaches that far"
         )
     return RunStart(path, saved, data, localise_only, pose, fitness.notes)
+
+
+def _check_certainty(saved: SavedMap, pose: Pose2, name: str) -> None:
+    """Raises NotAMapError where the landmarks around a pose leave open where that is: the filter cannot begin there."""
+    try:
+        joint, _ = first_maps(SlamSettings(), MapStart(saved.joint, True, pose))
+        variance_m2 = float(np.trace(joint.state.covariance[:2, :2]))
+    except (ArithmeticError, ValueError):  # numpy's, of covariances that are none
+        variance_m2 = math.nan
+    if not 0.0 <= variance_m2 < MOST_SPREAD_M**2:
+        raise NotAMapError(
+            f"{name} says nothing of where its landmarks are around {pose}; take another copy of the map"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,11 +182,8 @@ def origin_of(header: RunHeader, folder: RunFolder) -> MapOrigin | None:
 
 
 def _from_metadata(facts: Mapping[str, str], data: bytes, path: Path) -> RunStart:
-    localise_only = facts["localise_only"] == "True"
-    return RunStart(
-        Path(facts["file"]),
-        decode_map(data, str(path)),
-        data,
-        localise_only,
-        parse_pose(facts["start_at"]) if facts["start_at"] else None,
-    )
+    saved = decode_map(data, str(path))
+    pose = parse_pose(facts["start_at"]) if facts["start_at"] else None
+    if pose is not None:
+        _check_certainty(saved, pose, str(path))
+    return RunStart(Path(facts["file"]), saved, data, facts["localise_only"] == "True", pose)

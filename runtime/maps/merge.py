@@ -3,7 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from runtime.errors import ConfigurationError, UsageError
+import numpy as np
+
+from runtime.errors import ConfigurationError, NotAMapError, UsageError
 from runtime.map_files.end import facts_of
 from runtime.map_files.fitness import suits
 from runtime.map_files.map_file import encode_map
@@ -25,7 +27,12 @@ def merge_files(first: Path, second: Path, out: Path) -> dict[str, Any]:
     fitness = suits(other, str(second), configuration)
     if fitness.refusal:
         raise ConfigurationError(fitness.refusal)
-    merged = merge_maps(configuration.slam, into.joint, other.joint)
+    try:
+        merged = merge_maps(configuration.slam, into.joint, other.joint)
+    except np.linalg.LinAlgError as error:
+        raise NotAMapError(
+            f"{first} and {second} say nothing of how sure they are ({error}); take other copies"
+        ) from error
     found = merged.found
     if merged.joint is None:
         raise UsageError(

@@ -3,7 +3,7 @@
 import queue
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import zenoh
@@ -14,7 +14,7 @@ from runtime.publish.commands import Answer, answer_of, command_key, no_answer
 from runtime.publish.find_rover import FoundRover
 from runtime.publish.session import LARGEST_ANSWER, short_reason, tool_session
 
-MOST_WAITING = 500  # messages; when a tool is slower than its rover the newest are lost
+MOST_WAITING, MOST_WAITING_BYTES = 500, 32 << 20  # when a tool is slower than its rover the newest messages are lost
 ASK_S = 2.0
 
 
@@ -32,6 +32,8 @@ class Follower:
     def __init__(self, session: zenoh.Session, rover: str, names: Iterable[str]) -> None:
         self.session, self.rover = session, rover
         self._waiting: queue.Queue[Message] = queue.Queue(MOST_WAITING)
+        self._waiting_bytes = 0
+        self._counting = threading.Lock()
         self._came = threading.Event()
         self.is_there = False
         # indirect=True would start Python threads that hang or abort a process that ends without closing the session
@@ -43,9 +45,13 @@ class Follower:
 
     def next(self, timeout_s: float) -> Message | None:
         """The next message, None where none came in time."""
-        with suppress(queue.Empty):
-            return self._waiting.get(timeout=timeout_s)
-        return None
+        try:
+            message = self._waiting.get(timeout=timeout_s)
+        except queue.Empty:
+            return None
+        with self._counting:
+            self._waiting_bytes -= len(message.data)
+        return message
 
     def has_come(self) -> bool:
         """Whether the rover has come since this was last asked: what it answered before may no longer hold."""
@@ -78,8 +84,12 @@ class Follower:
 
     def _into(self, name: str) -> Callable[[zenoh.Sample], None]:
         def keep(sample: zenoh.Sample) -> None:
-            with suppress(queue.Full):
+            size = len(sample.payload)
+            with self._counting:
+                if self._waiting.full() or self._waiting_bytes + size > MOST_WAITING_BYTES:
+                    return
                 self._waiting.put_nowait(Message(name, sample.payload.to_bytes()))
+                self._waiting_bytes += size
 
         return keep
 

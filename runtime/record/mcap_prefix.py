@@ -21,6 +21,7 @@ FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA, DATA_END = 2, 3, 
 LARGEST_RECORD_BYTES = 32 << 20  # of any record and of what a chunk unpacks to: 100 times what is written
 LARGEST_PACKING = 200  # a recorded chunk unpacks to 1.2 to 20 times its bytes
 SMALL_CHUNK_BYTES = 64 << 10  # which may be packed in any way
+MOST_PACKING, FREE_BYTES = 40, 4 << 20  # of all chunks so far together, and as much as may be packed in any way
 LARGEST_HEAD_BYTES = 32 << 20  # of metadata and attachments together, which are kept in memory
 METADATA_WEIGHT = 16  # memory that a dictionary of short texts takes for each of its bytes
 LONGEST_TOPIC = 256
@@ -70,7 +71,7 @@ class McapPrefix:
         self.offset = 0
         self.damage: str | None = None
         self.foreign = self.cut_off = False
-        self._kept_bytes = 0
+        self._kept_bytes = self._unpacked_bytes = 0
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, bytes] = {}
         self.channels: dict[str, Channel] = {}
@@ -84,7 +85,7 @@ class McapPrefix:
         topics: the only ones that are given; the others are checked by their chunk's sum and stepped over.
         """
         self._head_is_sure = False
-        self._kept_bytes = 0
+        self._kept_bytes = self._unpacked_bytes = 0
         try:
             with self.path.open("rb") as stream:
                 yield from self._messages(stream, topics)
@@ -183,6 +184,9 @@ class McapPrefix:
 
     def _chunk_messages(self, body: bytes, topics: Collection[str] | None) -> Iterator[tuple[str, int, bytes]]:
         data = _chunk_data(body)
+        self._unpacked_bytes += len(data)
+        if self._unpacked_bytes > FREE_BYTES + MOST_PACKING * self.offset:
+            raise ForeignError(f"chunks that unpack to {self._unpacked_bytes} bytes so far")
         position = 0
         try:
             while position < len(data):

@@ -10,7 +10,7 @@ class LoopSettings(BaseModel):
 
     rate_hz: float = Field(
         10.0,
-        gt=0.0,
+        ge=0.1,
         le=100.0,
         description="Beats of the loop per second. Use the laser's own rate: a faster loop steps without a scan, a "
         "slower one skips scans",

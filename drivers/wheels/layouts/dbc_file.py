@@ -36,7 +36,7 @@ def dbc_messages(path: Path, names: Iterable[str], signals: Collection[str] = ()
     signals: those that the wheels read; where a message is sound in these, it may have others that overlap.
     """
     wanted = dict.fromkeys(names)
-    blocks = _blocks(_text(path))
+    blocks = _blocks(dbc_text(path))
     by_name = Counter(block.name for block in blocks)
     by_id = Counter(block.number for block in blocks)
     chosen = [block for block in blocks if block.name in wanted]
@@ -94,8 +94,8 @@ class _Block:
         return "\n".join([f"BO_ {self.number} {self.name}: {self._length} X", *lines, "", *self.further])
 
 
-def _text(path: Path) -> str:
-    """The file without its comments, in whatever encoding it was saved."""
+def dbc_text(path: Path) -> str:
+    """The file without its comments, in whatever encoding it was saved. Raises DriverError."""
     try:
         with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as stream:  # a pipe would not end
             raw = stream.read(LARGEST_BYTES + 1) or b""

@@ -9,6 +9,7 @@ import cantools
 from drivers.measurements import DriverError
 from drivers.settings.layouts import DbcLayout
 from drivers.settings.wheel_signals import SpeedUnit, WheelSignals
+from drivers.wheels.layouts.dbc_file import dbc_text
 from runtime.setup.discover.can_traffic import IdTraffic
 from runtime.setup.discover.wheel_layouts import LEAST_HZ, LayoutFound
 
@@ -39,10 +40,11 @@ def layouts_in(path: Path, traffic: Sequence[IdTraffic]) -> list[LayoutFound]:
 
     Raises DriverError where the file is no DBC.
     """
+    text = dbc_text(path)
     try:
-        database: Any = cantools.database.load_file(path, strict=False)
+        database: Any = cantools.database.load_string(text, "dbc", strict=False)
         messages = list(database.messages)
-    except (OSError, ValueError, AttributeError, cantools.Error) as error:
+    except Exception as error:  # its parser raises what it likes
         reason = " ".join(str(error).split())[:200]
         raise DriverError(f"{path}: not a usable DBC ({reason}); give another with --dbc") from error
     heard = {(each.number, each.extended): each for each in traffic if (each.rate_hz or 0.0) >= LEAST_HZ}

@@ -87,6 +87,14 @@ def test_what_no_rover_says_ends_no_tick_and_breaks_none(name: str, data: bytes)
     assert ticks.take(said(second, track)[0]) is not None
 
 
+def test_events_without_end_keep_nobody_busy() -> None:
+    ticks = LiveTicks("r1")
+    for stamp_ns in (*range(1000), 10**300, -(1 << 63)):
+        said = {"source": "laser", "kind": "slow", "severity": "warn", "reason": "x", "stamp_ns": stamp_ns}
+        assert ticks.take(Message("event", json.dumps(said).encode())) is None
+    assert [event.stamp_ns for event in ticks._events] == list(range(800, 1000))
+
+
 def test_a_pose_that_is_nowhere_is_no_tick() -> None:
     ticks, (completed,) = LiveTicks("r1"), completed_ticks(1)
     nowhere = replace(completed.estimate, covariance=np.full((3, 3), np.nan))

@@ -1,15 +1,18 @@
 """A map of another sensor is refused, one of another mount is taken with a sentence; what is suspicious is named."""
 
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from runtime.errors import ConfigurationError
+from runtime.errors import ConfigurationError, NotAMapError
 from runtime.map_files.fitness import distance_outside, findings, suits
 from runtime.map_files.map_file import SavedMap, encode_map
+from runtime.map_files.start import choose_start
 from runtime.maps.info import check_lines, check_map, info_lines, map_info
+from runtime.maps.merge import merge_files
 from runtime.settings.configuration import load_configuration_text
 from slam.pose import Pose2
 from tests.support.runtime.small_maps import FACTS, map_bytes, small_map
@@ -76,3 +79,25 @@ def test_what_a_map_holds_is_shown(tmp_path: Path) -> None:
     assert np.all(np.array(facts["low_m"]) < facts["high_m"])
     assert any("40" in line for line in info_lines(facts))
     assert check_lines(check_map(path, None)) == [f"whole     {path}: 40 landmarks, sha256 {facts['sha256']}"]
+
+
+def test_ten_thousand_landmarks_at_one_place_are_counted_and_not_listed() -> None:
+    heap = replace(small_map(10_000), means_m=np.zeros((10_000, 2)))
+    tracemalloc.start()
+    found = findings(SavedMap(heap, FACTS))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert any("49995000 pairs" in sentence for sentence in found)
+    assert peak < 20e6
+
+
+def test_a_map_whose_landmarks_leave_the_start_open_is_refused(tmp_path: Path) -> None:
+    whole = small_map()
+    (tmp_path / "hall.map").write_bytes(encode_map(replace(whole, weights=1e3 * np.ones_like(whole.weights)), FACTS))
+    rover = load_configuration_text("[slam.mount]\nx_m = 0.3\n")
+    with pytest.raises(NotAMapError, match="nothing of where its landmarks are"):
+        choose_start(tmp_path / "hall.map", False, "0,0,0", rover)
+    (tmp_path / "good.map").write_bytes(map_bytes())
+    assert choose_start(tmp_path / "good.map", False, "0,0,0", rover) is not None
+    with pytest.raises(NotAMapError, match="nothing of how sure they are"):
+        merge_files(tmp_path / "hall.map", tmp_path / "good.map", tmp_path / "both.map")

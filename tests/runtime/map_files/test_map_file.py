@@ -2,7 +2,9 @@
 
 import os
 import threading
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,6 +45,23 @@ def test_what_is_no_whole_map_is_refused(spoil: "object", why: str, tmp_path: Pa
     path.write_bytes(spoil(map_bytes()))  # type: ignore[operator]
     with pytest.raises(NotAMapError, match=why):
         read_map(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("means_m", 1e300), ("covariances_m2", -1e308), ("weights", 1e200), ("block_m2", 1e308), ("after_miss", -1e300)],
+)
+def test_numbers_that_no_drive_reaches_are_refused(name: str, value: float) -> None:
+    whole = small_map()
+    spoilt = replace(whole, **{name: np.full_like(getattr(whole, name), value)})
+    with pytest.raises(NotAMapError, match=f"a number of {name} is beyond"):
+        decode_map(encode_map(spoilt, FACTS), "hall.map")
+
+
+@pytest.mark.parametrize("changes", [{"scans": 10**30}, {"scans": -1}, {"identities": np.arange(40) - 2**62}])
+def test_counts_beyond_all_drives_are_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(NotAMapError, match="counted beyond all drives"):
+        decode_map(encode_map(replace(small_map(), **changes), FACTS), "hall.map")
 
 
 def test_every_flipped_byte_is_noticed() -> None:

@@ -51,6 +51,7 @@ def changed(records: list[Record], topic: str, data: Callable[[bytes], bytes]) -
 HOSTILE: dict[str, bytes] = {
     "a chunk of 100 MB in 10 kB": chunk(bytes(100 * MB)),
     "a thousand chunks of a megabyte each": chunk(bytes(MB)) * 1000,
+    "a thousand small chunks of nothing but messages": chunk(channel(1, "/x") + message(1, b"") * 2000) * 1000,
     "a record that says it is longer than its chunk": chunk(record(5, b"") + b"\x05" + b"\xff" * 8),
     "a message of a channel that is not there": chunk(message(7, b"")),
     "a message without its head": chunk(channel(1, "/tick") + record(5, b"\0")),
