@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from drivers.measurements import Scan, uniform_bearings
-from runtime.messages.definitions import deserialize
+from runtime.messages.definitions import construct, deserialize, serialize
+from runtime.messages.ros import header, ros_pose
 from runtime.ros2.laser_scan import SCAN, scan_bytes
 from runtime.ros2.markers import landmark_bytes
 from runtime.ros2.odometry import ODOMETRY, UNKNOWN, Dead, OdometryTrack, odometry_bytes
-from runtime.ros2.poses import MOST_PATH_POSES, PATH, DrivenPath
+from runtime.ros2.poses import MOST_PATH_POSES, PATH, POSES, STAMPED, DrivenPath, particle_bytes
 from runtime.ros2.transforms import TF, static_bytes, transform_bytes
 from runtime.ros2.vehicle import Frames, Vehicle
 from slam.estimate import Estimate
@@ -173,3 +174,31 @@ def test_a_path_of_hours_stays_small_and_keeps_its_ends() -> None:
     assert len(poses) <= MOST_PATH_POSES
     assert poses[0].pose.position.x == 0.0
     assert poses[-1].pose.position.x > 0.2 * 9.9 * MOST_PATH_POSES
+
+
+@pytest.mark.parametrize("prefix", ["", "a", "ro", "bot", "rov1", "rover"])
+@pytest.mark.parametrize("count", [0, 1, 2, 7])
+def test_paths_and_particles_have_the_bytes_that_a_serializer_of_others_makes(prefix: str, count: int) -> None:
+    frames, rng = Frames(prefix), np.random.default_rng(count)
+    particles = rng.uniform(-3.0, 3.0, (count, 3))
+    poses = [Pose2(*row) for row in particles.tolist()]
+    path = DrivenPath()
+    for k, pose in enumerate(poses):
+        path.add(WALL_NS + k * TICK_NS, pose)
+    stamped = [
+        construct(STAMPED, header=header(WALL_NS + k * TICK_NS, frames("map")), pose=ros_pose(pose))
+        for k, pose in enumerate(poses)
+    ]
+    head = header(WALL_NS, frames("map"))
+    expected = serialize(PATH, construct(PATH, header=head, poses=stamped))
+    assert_same_bytes(path.as_bytes(WALL_NS, frames), expected)
+    expected = serialize(POSES, construct(POSES, header=head, poses=list(map(ros_pose, poses))))
+    assert_same_bytes(particle_bytes(WALL_NS, particles, frames), expected)
+
+
+def assert_same_bytes(ours: bytes, theirs: bytes) -> None:
+    """But for the last bit of a sine, which numpy may round otherwise."""
+    assert len(ours) == len(theirs)
+    differing = np.flatnonzero(np.frombuffer(ours, np.uint8) != np.frombuffer(theirs, np.uint8))
+    assert all(abs(ours[k] - theirs[k]) == 1 for k in differing)
+    assert len(differing) < 0.02 * len(ours)
