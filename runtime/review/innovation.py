@@ -30,11 +30,9 @@ def innovations(
     places_m, known = places_of(matches, landmarks)
     if not known.any():
         return np.empty(0), np.empty(0)
-    stamps_ns = np.full(2, features.stamp_ns)
-    laser_m, ahead_m = predicted.to_map(stamps_ns, np.array(((0.0, 0.0), (1.0, 0.0))), body_from_laser)
-    heading_rad = np.arctan2(ahead_m[1] - laser_m[1], ahead_m[0] - laser_m[0])
-    offsets_m = places_m[known] - laser_m
-    bearings_rad = np.arctan2(offsets_m[:, 1], offsets_m[:, 0]) - heading_rad
+    laser = predicted.map_from_body_at(features.stamp_ns) @ body_from_laser
+    offsets_m = places_m[known] - (laser.x_m, laser.y_m)
+    bearings_rad = np.arctan2(offsets_m[:, 1], offsets_m[:, 0]) - laser.heading_rad
     range_error_m = features.ranges_m[known] - np.hypot(offsets_m[:, 0], offsets_m[:, 1])
     return range_error_m, wrap_rads(features.bearings_rad[known] - bearings_rad)
 
@@ -69,8 +67,7 @@ def draw_association(
     laser_m = features.ranges_m[:, None] * np.stack(
         (np.cos(features.bearings_rad), np.sin(features.bearings_rad)), axis=-1
     )
-    stamps_ns = np.full(len(features), features.stamp_ns)
-    points_m = motion.to_map(stamps_ns, laser_m, body_from_laser)
+    points_m = (motion.map_from_body_at(features.stamp_ns) @ body_from_laser).transform(laser_m)
     matched = matches >= 0
     ends_m = points_m[matched]
     spokes_m = np.empty((len(ends_m), 3, 2))

@@ -96,6 +96,11 @@ class Motion:
             return cls(now.stamp_ns, now.map_from_body, 1, Pose2())
         return cls(now.stamp_ns, now.map_from_body, span_ns, now.odom_from_body.inverse() @ before.odom_from_body)
 
+    def map_from_body_at(self, stamp_ns: int) -> Pose2:
+        """Pose at this stamp, for what was seen at one time."""
+        before, share = self.body_from_body_before, min(max((self.stamp_ns - stamp_ns) / self.span_ns, -1.0), 3.0)
+        return self.map_from_body @ Pose2(share * before.x_m, share * before.y_m, share * before.heading_rad)
+
     def to_map(self, stamps_ns: NDArray[np.int64], points_m: FloatArray, body_from_laser: Pose2) -> FloatArray:
         """Points (N, 2) of the laser's frame, each seen at its own stamp (N,), in the map frame.
 
