@@ -50,11 +50,11 @@ class Configuration(BaseModel):
     rover: str = Field(
         "infant",
         pattern=r"^[A-Za-z0-9_-]{1,32}$",
-        description="name in every key that is published; a live rover without one has its computer's. "
+        description="Name of the rover in every published key; a live rover without one uses the name of its computer. "
         "Give each rover of a fleet its own",
     )
     seed: int = Field(
-        1, ge=0, le=2**32 - 1, description="seeds the filter. Any number; change it to see what of a result is chance"
+        1, ge=0, le=2**32 - 1, description="Seed of the filter. Any number will do; change it to see how much is chance"
     )
     vehicle: VehicleSettings = VehicleSettings()
     slam: SlamSettings = SlamSettings()
