@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import AsyncIterator
 
+from drivers.stoppable_thread import StoppableThread
 from runtime.errors import ConfigurationError
 from runtime.page.rover_state import HEARD, RoverState
 from runtime.publish.find_rover import FoundRover
@@ -27,9 +28,7 @@ class Hub:
         self._state = RoverState(rover.name)
         self._lock = threading.Lock()
         self._beat, self._number = b"null", 0
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="rover", daemon=True)
-        self.trouble = ""
+        self._thread = StoppableThread("rover", self._run)
 
     def start(self) -> None:
         """Begin to listen."""
@@ -37,19 +36,15 @@ class Hub:
 
     def close(self) -> None:
         """Leave."""
-        self._stop.set()
-        self._thread.join(5.0)
+        self._thread.stop(5.0)
 
     def _run(self) -> None:
-        try:
-            with following(self._rover, HEARD, self._config_file) as follower:
-                self._follow(follower)
-        except Exception as error:  # noqa: BLE001 the page stays up and says so
-            self.trouble = f"{type(error).__name__}: {error}"
+        with following(self._rover, HEARD, self._config_file) as follower:
+            self._follow(follower)
 
     def _follow(self, follower: Follower) -> None:
         next_s = 0.0
-        while not self._stop.is_set():
+        while not self._thread.is_stopping():
             if follower.has_come():
                 self._begin(follower)
             message = follower.next(WAKE_S)
@@ -77,7 +72,7 @@ class Hub:
         """Server-sent events for one viewer: beat, and the growth of cells and path since the last one."""
         generation, cells, path, number = -1, 0, 0, -1
         idle_s = 0.0
-        while not self._stop.is_set():
+        while not self._thread.was_stopped:
             with self._lock:
                 state, beat = self._state, self._beat
                 fresh, number = number != self._number, self._number

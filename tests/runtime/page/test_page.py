@@ -28,7 +28,9 @@ from runtime.ros2.laser_scan import scan_bytes
 from runtime.ros2.poses import pose_bytes
 from runtime.ros2.vehicle import Vehicle
 from slam.settings.slam import MountSettings
+from tests.support.drivers.raising import raise_in
 from tests.support.runtime.drawn_drive import MOUNT, YARD_M, completed_ticks
+from tests.support.zenoh.wire import free_port, opened, publishing, settings_on, until
 
 pytest.importorskip("starlette", reason="starlette is not installed; make test installs it")
 from runtime.page import server
@@ -239,3 +241,20 @@ def test_a_port_in_use_an_address_not_ours_and_open_buttons_are_one_sentence() -
         bound_socket("no such host.invalid", 0)
     with pytest.raises(UsageError, match="leave out --commands"):
         serve_page(ServeOptions(host="0.0.0.0", commands=True), None, None)  # type: ignore[arg-type]  # noqa: S104
+
+
+def test_whatever_is_raised_in_the_thread_that_hears_the_rover_it_hears_on(caplog: pytest.LogCaptureFixture) -> None:
+    port = free_port()
+    with publishing(settings_on(port)) as publisher:
+        assert opened(publisher)
+        hub = Hub(FoundRover("r1", f"tcp/127.0.0.1:{port}"))
+        hub.start()
+        for times in range(1, 4):
+            number = hub._number
+            assert until(lambda number=number: hub._number > number, 60.0)  # type: ignore[misc]
+            raise_in("rover")
+            assert until(lambda times=times: caplog.text.count("the thread rover failed") == times, 60.0)  # type: ignore[misc]
+        number = hub._number
+        assert until(lambda: hub._number > number, 60.0)
+        hub.close()
+    assert "OutOfNowhere" in caplog.text

@@ -7,17 +7,24 @@ thread. Each case is made from a seed. Exit code 1 where anything was hurt.
 import argparse
 import sys
 from collections.abc import Callable, Iterator
+from importlib import import_module
 
-from tests.support.mutations import kinds, wires
+from tests.support.mutations import kinds
 from tests.support.mutations.commands import HURTS, Tally, run_batches
+
+
+def _on_wires(name: str) -> Callable[[range], Iterator[Tally]]:
+    """Imported where it runs: zenoh, python-can and pytest are no part of a command's memory."""
+    return lambda seeds: getattr(import_module("tests.support.mutations.wires"), name)(seeds)
+
 
 KINDS: dict[str, tuple[int, Callable[[range], Iterator[Tally]]]] = {
     "configurations": (5000, lambda seeds: run_batches(kinds.configuration, seeds)),
-    "runs": (5000, lambda seeds: run_batches(kinds.run, seeds)),
+    "runs": (5000, kinds.runs),
     "descriptions and recordings": (5000, lambda seeds: run_batches(kinds.recording, seeds)),
-    "SCIP replies": (20_000, wires.replies),
-    "CAN frames": (100_000, wires.frames),
-    "zenoh payloads": (5000, wires.payloads),
+    "SCIP replies": (20_000, _on_wires("replies")),
+    "CAN frames": (100_000, _on_wires("frames")),
+    "zenoh payloads": (5000, _on_wires("payloads")),
 }
 
 

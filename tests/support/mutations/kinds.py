@@ -1,7 +1,9 @@
 """Files of every kind that a command of infant reads, as somebody careless or hostile may leave them."""
 
 import multiprocessing
-from functools import cache
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache, partial
 from pathlib import Path
 from random import Random
 from tempfile import mkdtemp
@@ -13,12 +15,10 @@ from runtime.record.reader import RunReader
 from runtime.settings.configuration import load_configuration
 from runtime.source_tree import CONFIG, ROOT
 from tests.support.drivers.dbc import COUNTS
-from tests.support.mutations.commands import Words
+from tests.support.mutations.commands import BATCH, Tally, Words, run_batches
 from tests.support.mutations.files import mutated_bytes, mutated_text, mutated_ticks
 from tests.support.runtime.hostile_runs import write_manifest
 from tests.support.runtime.measured import VEHICLE
-from tests.support.runtime.recordings import FILES
-from tests.support.runtime.small_maps import map_bytes
 
 LAYOUTS = ROOT / "drivers" / "wheels" / "layouts"
 DESCRIBED = (
@@ -45,6 +45,7 @@ MANIFEST: tuple[dict[str, Any], ...] = (
     {"kind": "lost", "name": "run-0007.mcap", "ticks": 3, "reason": "x"},
 )
 # how often each command on a run is tried, out of 100: those that draw or filter take seconds
+STRIDE = 37  # through the uses, so that a few batches try many
 USES = {
     "log info": 8,
     "log verify": 20,
@@ -71,18 +72,19 @@ def configuration(rng: Random, folder: Path) -> Words:
 
 def recording(rng: Random, folder: Path) -> Words:
     """A recording of others to import, or what describes the frames of the wheels."""
-    kind = rng.choice(("dbc", "infant.dbc", "eds", "zenoh", "map", *FILES, "carmen", "candump", "arrays"))
-    if kind in FILES:
-        content = FILES[kind]
+    files = _recordings()
+    kind = rng.choice(("dbc", "infant.dbc", "eds", "zenoh", "map", *files, "carmen", "candump", "arrays"))
+    if kind in files:
+        content = files[kind]
         is_text = kind in ("carmen", "candump")
         (folder / "recording").write_bytes(
-            mutated_text(rng, content, list(FILES.values())) if is_text else mutated_bytes(rng, content)
+            mutated_text(rng, content, list(files.values())) if is_text else mutated_bytes(rng, content)
         )
         more = ["--at-rest"] if rng.random() < 0.3 else []
         return ["import", str(folder / "recording"), "--out", str(folder / "run"), *more]
     path, config = folder / kind, folder / "rover.toml"
     if kind == "map":
-        path.write_bytes(mutated_bytes(rng, map_bytes()))
+        path.write_bytes(mutated_bytes(rng, _map()))
         return [
             *rng.choice((["map", "check"], ["map", "info"], ["map", "draw", "--out", str(folder / "o")])),
             str(path),
@@ -98,8 +100,16 @@ def recording(rng: Random, folder: Path) -> Words:
     return ["check", "--config", str(config)]
 
 
-def run(rng: Random, folder: Path) -> Words:
-    """A run whose messages, whose bytes or whose manifest were changed, and one of the commands that read runs."""
+def runs(seeds: range) -> Iterator[Tally]:
+    """One command for each batch: a process that has loaded what every command needs tells nothing of any."""
+    uses = [use for use, share in USES.items() for _ in range(share)]
+    for first in range(seeds.start, seeds.stop, BATCH):
+        use = uses[STRIDE * (first // BATCH) % len(uses)]
+        yield from run_batches(partial(run, use=use), range(first, min(first + BATCH, seeds.stop)))
+
+
+def run(rng: Random, folder: Path, use: str) -> Words:
+    """A run whose messages, whose bytes or whose manifest were changed, for one of the commands that read runs."""
     path, out = folder / "run", folder / "out"
     path.mkdir()
     whole, ticks, metadata = drive()
@@ -119,7 +129,6 @@ def run(rng: Random, folder: Path) -> Words:
             manifest.write_bytes(mutated_text(rng, manifest.read_bytes(), [manifest.read_bytes()]))
     if rng.random() < 0.1:
         (path / "summary.json").write_bytes(mutated_text(rng, b'{"ticks": 8, "missed": 0, "run": "x"}', texts()))
-    use = rng.choices(list(USES), weights=list(USES.values()))[0]
     return {
         "log recover": ["log", "recover", str(path), "--out", str(out)],
         "export csv": ["export", str(path), "--csv", str(out), "--tum", f"{out}.tum", "--geojson", f"{out}.json"],
@@ -158,23 +167,51 @@ def _description(kind: str) -> bytes:
             return COUNTS.encode()
 
 
+def _apart(made: Callable[[], Any]) -> Any:
+    """In a process of its own: its libraries would stay in the memory of all that come after."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(made).result()
+
+
 @cache
 def drive() -> tuple[bytes, list[list[Record]], Any]:
     """A whole run as the bytes of its file, its first eight ticks as records, and its head."""
+    found: tuple[bytes, list[list[Record]], Any] = _apart(_drive)
+    return found
+
+
+@cache
+def _recordings() -> dict[str, bytes]:
+    found: dict[str, bytes] = _apart(_files)
+    return found
+
+
+@cache
+def _map() -> bytes:
+    found: bytes = _apart(_map_bytes)
+    return found
+
+
+def _files() -> dict[str, bytes]:
+    from tests.support.runtime.recordings import FILES
+
+    return FILES
+
+
+def _map_bytes() -> bytes:
+    from tests.support.runtime.small_maps import map_bytes
+
+    return map_bytes()
+
+
+def _drive() -> tuple[bytes, list[list[Record]], Any]:
+    from tests.support.runtime.seeded_runs import seeded_facts
+
     folder = Path(mkdtemp()) / "run"
-    # in a process of its own: what filters and judges a run would stay in the memory of all that come after
-    maker = multiprocessing.get_context("spawn").Process(target=_drive_into, args=(folder,))
-    maker.start()
-    maker.join()
+    seeded_facts(folder, 1, duration_s=1.5)
     reader, ticks = RunReader(folder), list[list[Record]]()
     for record in reader.records():
         if not ticks or (record.topic in ("/scan", "/tick") and any(each.topic == "/tick" for each in ticks[-1])):
             ticks.append([])
         ticks[-1].append(record)
     return (folder / "run.mcap").read_bytes(), ticks[:8], reader.header.metadata
-
-
-def _drive_into(folder: Path) -> None:
-    from tests.support.runtime.seeded_runs import seeded_facts
-
-    seeded_facts(folder, 1, duration_s=1.5)
