@@ -29,7 +29,7 @@ from slam.recognise.warm_up import warm_up_recognition
 from slam.relocalise.local_map import ScanSeen, ScanTaken, no_witness
 from slam.relocalise.relocaliser import Relocaliser
 from slam.settings.slam import SlamSettings
-from slam.visibility import BLIND, sight_line
+from slam.visibility import BLIND, SensorView
 from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, warm_up_wide_search, warm_up_window
 
 MAP_EVERY = 10  # scans: once a second, as often as the map is published
@@ -74,12 +74,14 @@ class Estimator:
         self._alignment = Alignment(settings.front_end, self._body_from_laser)
         self._particles = FastSlam(settings, self._generator)
         self._hash = bytes(16) if start is None else start.digest()
+        self._view = SensorView(settings.front_end.range_min_m)
         self._joint, saved = first_maps(settings, start)
         if saved is self._joint:
             self._redraw_particles()
         self._relocaliser = Relocaliser(settings, self._joint, saved)
         self._keyframes = self._relocaliser.here.keyframes
-        self._quality = QualityMonitor(settings.quality, self._joint.scans)
+        reports = settings.front_end.kind == "given"
+        self._quality = QualityMonitor(settings.quality, self._joint.scans, silence_is_blind=not reports)
         self._scan_clock, self._rest = ScanClock(), Rest()
         self._not_finite = 0
 
@@ -157,7 +159,7 @@ class Estimator:
         rows = usable_rows(features, self._settings.view.range_max_m, self._body_from_laser.heading_rad)
         seen_share = seen_before_share(verdicts)
         blind = isinstance(scan, Scan) and seen_share is None  # nothing came back: that says nothing of what is gone
-        sight = BLIND if blind else sight_line(scan, self._settings.front_end.range_min_m)
+        sight = BLIND if blind else self._view.of(scan, rows)
 
         # associate, sample, update, resample and prune in every particle (III-B)
         outcome = self._particles.step(increment, rows, sight)
@@ -169,6 +171,7 @@ class Estimator:
         if laid is not None and not self._quality.is_doubted:
             self._keyframes.keep(laid)
         evidence, lies = self._joint.evidence, False
+        self._view.learn(evidence.found, evidence.missed)
         if laid is not None and self._quality.doubts(evidence):
             lies = self._keyframes.lies_on(laid, self._quality.settled_before)
         self._quality.add(scan.stamp_ns, evidence, seen_share, lies_on_map=lies)
@@ -288,5 +291,6 @@ class Estimator:
         digest.update(repr(self._generator.bit_generator.state).encode())
         digest.update(self._joint.state_bytes())
         digest.update(self._quality.state_bytes())
+        digest.update(self._view.state_bytes())
         digest.update(self._relocaliser.state_bytes())
         self._hash = digest.digest()

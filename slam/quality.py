@@ -47,8 +47,12 @@ class Judgement:
 class QualityMonitor:
     """Adds up the evidence of scan after scan."""
 
-    def __init__(self, settings: QualitySettings, scans: int = 0) -> None:
-        """scans: how many there were before, where a drive begins in a map."""
+    def __init__(self, settings: QualitySettings, scans: int = 0, *, silence_is_blind: bool = True) -> None:
+        """scans: how many there were before, where a drive begins in a map. silence_is_blind: a laser sends scans
+        whatever it sees; of a sensor that reports things nothing comes where none stand, and only the motion's sigma
+        grows.
+        """
+        self._silence_is_blind = silence_is_blind
         self._settings = settings
         self._score = 0.0
         self._lost = False
@@ -147,6 +151,8 @@ class QualityMonitor:
             if self._score == 0.0:
                 self._trusted_scans = self._scans
         else:
+            if not self._silence_is_blind and self._blind_scans == 0:
+                self._supported_ns = stamp_ns
             self._blind_scans += 1
 
     def _follow_gaps(self, stamp_ns: int) -> None:
@@ -207,7 +213,8 @@ class QualityMonitor:
         return struct.pack("<ddddd?qqqqq", *sums, self._lost, *counts)
 
     def _blind_s(self, stamp_ns: int) -> float:
-        return 0.0 if self._supported_ns is None else (stamp_ns - self._supported_ns) * 1e-9
+        until_ns = stamp_ns if self._silence_is_blind else self._scanned_ns
+        return 0.0 if self._supported_ns is None or until_ns is None else (until_ns - self._supported_ns) * 1e-9
 
 
 def largest_deviation_m(covariance: FloatArray) -> float:

@@ -1,6 +1,7 @@
 """What a scan shows, for compiled code: its features, the sensor's pose, the sight line, a landmark in clear view."""
 
 import math
+import struct
 from typing import NamedTuple
 
 import numpy as np
@@ -11,18 +12,29 @@ from slam.compiled import leaf
 from slam.observations import FeatureRows, Sighting
 from slam.settings.tuning import Tuning
 
+MISSED_SPACING_M = 0.25  # what is thinner than a trunk falls between beams that are farther apart
+SIGHTING_STEP_RAD = math.radians(2.0)
+SIGHTING_SHARE = 0.9  # of the farthest sighting: what stands so near is in reach
+SIGHTING_EDGE_RAD = math.radians(5.0)  # inside the outermost sighting
+FIRST_LOOKS, FIRST_FINDS = 40.0, 30.0  # what is presumed of a sensor that reports things
+MOST_LOOKS = 500.0  # its memory
+CHANCE = 0.1  # that a landmark seems to be found where none stands
+
 
 class SightLine(NamedTuple):
     """How far each beam of a scan looked.
 
     first_bearing_rad, step_rad: where beams point. no_return_m: how far a beam without return looked. ranges_m (N,):
     NaN where nothing came back, 0 where a beam ended before the laser's own range; N = 0 where there is no scan.
+    clear_m: nothing farther away is missed. certainty: of a miss, 1 where beams pass by; share of its log-odds.
     """
 
     first_bearing_rad: float
     step_rad: float
     no_return_m: float
     ranges_m: FloatArray
+    clear_m: float = math.inf
+    certainty: float = 1.0
 
 
 NO_SIGHT = SightLine(0.0, 0.0, 0.0, np.zeros(0))
@@ -48,16 +60,13 @@ def in_clear_view(
 ) -> bool:
     """True where the sensor would have seen the landmark: well inside its range and angle, and nothing at or before it.
 
-    Without a scan range and angle alone decide. A beam that ends at the landmark's distance is no evidence against it.
+    Without a scan the range alone decides. A beam that ends at the landmark's distance is no evidence against it.
     """
     dx, dy = landmark_x - sensor[0], landmark_y - sensor[1]
-    square = dx * dx + dy * dy
-    if square > tuning.missed_range_m * tuning.missed_range_m or square < 0.01:
+    distance = math.sqrt(dx * dx + dy * dy)
+    if distance > min(tuning.range_max_m, sight.clear_m) or distance < 0.1:
         return False
-    distance = math.sqrt(square)
     bearing = wrapped(math.atan2(dy, dx) - sensor[2])
-    if abs(bearing) > tuning.missed_bearing_rad:
-        return False
     beams = sight.ranges_m.size
     if beams <= 0:
         return True
@@ -74,16 +83,21 @@ def in_clear_view(
 
 
 @leaf
-def is_hidden(landmark_x: float, landmark_y: float, sensor: tuple[float, float, float], sight: SightLine) -> bool:
-    """True where the beam towards the landmark ends at something before it."""
-    if sight.ranges_m.size <= 0:
-        return False
+def is_in_sight(
+    landmark_x: float, landmark_y: float, sensor: tuple[float, float, float], sight: SightLine, tuning: Tuning
+) -> bool:
+    """True where the landmark is in range and among the beams, and the one towards it does not end before it."""
     dx, dy = landmark_x - sensor[0], landmark_y - sensor[1]
+    square, reach_m = dx * dx + dy * dy, min(tuning.range_max_m, sight.clear_m)
+    if square > reach_m * reach_m:
+        return False
+    if sight.ranges_m.size <= 0:
+        return True
     beam = round((wrapped(math.atan2(dy, dx) - sensor[2]) - sight.first_bearing_rad) / sight.step_rad)
     if beam < 0 or beam >= sight.ranges_m.size:
         return False
     measured = sight.ranges_m[beam]
-    return bool(measured > 0.0 and measured * measured < dx * dx + dy * dy)
+    return not (measured > 0.0 and measured * measured < square)
 
 
 @leaf
@@ -97,17 +111,52 @@ def sensor_pose(pose: FloatArray, mount: FloatArray) -> tuple[float, float, floa
     )
 
 
-def sight_line(scan: ScanLike, range_min_m: float = 0.0) -> SightLine:
-    """How far the beams of a scan looked; NO_SIGHT for sightings, and where the bearings do not increase.
+def sight_line(scan: Scan, range_min_m: float = 0.0) -> SightLine:
+    """How far the beams of a scan looked; BLIND where the bearings do not increase.
 
     range_min_m: a nearer return is a cover on the lens or the vehicle itself.
     """
-    if not isinstance(scan, Scan) or scan.ranges_m.size < 2:
-        return NO_SIGHT
+    if scan.ranges_m.size < 2:
+        return BLIND
     bearings = scan.bearings_rad
     step = (float(bearings[-1]) - float(bearings[0])) / (bearings.size - 1)
     if not math.isfinite(step) or step <= 0.0:
-        return NO_SIGHT
+        return BLIND
     ranges = scan.ranges_m.astype(np.float64)
     ranges[ranges < range_min_m] = 0.0
-    return SightLine(float(bearings[0]), step, float(scan.range_max_m), ranges)
+    return SightLine(float(bearings[0]), step, float(scan.range_max_m), ranges, MISSED_SPACING_M / step)
+
+
+def field_of_view(reach_m: float, half_rad: float, certainty: float = 1.0) -> SightLine:
+    """The sight of a sensor that reports things within a range and to an angle to either side."""
+    beams = 2 * max(round(half_rad / SIGHTING_STEP_RAD), 1) + 1
+    return SightLine(-half_rad, 2.0 * half_rad / (beams - 1), math.inf, np.full(beams, math.inf), reach_m, certainty)
+
+
+class SensorView:
+    """Where the sensor looks: a laser's scan tells it; of what reports things it is learnt from where it saw any."""
+
+    def __init__(self, range_min_m: float) -> None:
+        self._range_min_m = range_min_m
+        self._reach_m = self._half_rad = 0.0
+        self._looks, self._finds = FIRST_LOOKS, FIRST_FINDS
+
+    def of(self, scan: ScanLike, rows: FeatureRows) -> SightLine:
+        """How far this scan looked; rows: its features."""
+        if isinstance(scan, Scan):
+            return sight_line(scan, self._range_min_m)
+        self._reach_m = max(self._reach_m, float(rows.ranges_m.max(initial=0.0)))
+        self._half_rad = max(self._half_rad, float(np.abs(rows.bearings_rad).max(initial=0.0)))
+        rate = self._finds / self._looks
+        certainty = math.log((1.0 - CHANCE) / (1.0 - min(max(rate, CHANCE), 0.99)))
+        reach_m, half_rad = SIGHTING_SHARE * self._reach_m, max(self._half_rad - SIGHTING_EDGE_RAD, SIGHTING_STEP_RAD)
+        return field_of_view(reach_m, half_rad, min(certainty, 1.0))
+
+    def learn(self, found: int, missed: int) -> None:
+        """Of the landmarks that have stood for long, how many were found and missed in that scan."""
+        fading = min(1.0, MOST_LOOKS / (self._looks + found + missed))
+        self._looks, self._finds = fading * (self._looks + found + missed), fading * (self._finds + found)
+
+    def state_bytes(self) -> bytes:
+        """What the next scan's sight depends on, for a hash."""
+        return struct.pack("<dddd", self._reach_m, self._half_rad, self._looks, self._finds)

@@ -30,7 +30,8 @@ from runtime.settings.retired import refusals, translated
 from runtime.settings.review import ReviewSettings
 from runtime.settings.trees import unusable
 from runtime.source_tree import CONFIG, shipped_configuration, shipped_names
-from slam.settings.odometry import POSE_NOISE
+from slam.settings.front_end import GIVEN_NOISE
+from slam.settings.odometry import WIDE_NOISE
 from slam.settings.slam import SlamSettings
 
 Tree = dict[str, Any]
@@ -74,12 +75,14 @@ class Configuration(BaseModel):
         vehicle = self.vehicle
         geometry = {name: getattr(vehicle, name) for name in SHARED}
         geometry |= {"model": vehicle.motion_model, "jump_speed_mps": vehicle.jump_speed_mps}
-        if vehicle.motion_model == "pose":
-            geometry |= {
-                key: wide for key, wide in POSE_NOISE.items() if key not in self.slam.odometry.model_fields_set
-            }
-        odometry = self.slam.odometry.model_copy(update=geometry)
-        object.__setattr__(self, "slam", self.slam.model_copy(update={"odometry": odometry}))
+        odometry, front_end = self.slam.odometry, self.slam.front_end
+        geometry |= unsaid(odometry, WIDE_NOISE.get(vehicle.motion_model, {}))
+        sensor = unsaid(front_end, GIVEN_NOISE if front_end.kind == "given" else {})
+        changed = {
+            "odometry": odometry.model_copy(update=geometry),
+            "front_end": front_end.model_copy(update=sensor),
+        }
+        object.__setattr__(self, "slam", self.slam.model_copy(update=changed))
         if self.encoders is not None:
             object.__setattr__(self, "encoders", self.encoders.model_copy(update={"vehicle": vehicle}))
         return self
@@ -93,6 +96,11 @@ class Configuration(BaseModel):
     def sha256(self) -> str:
         """Hash of the canonical text, hexadecimal."""
         return hashlib.sha256(self.text.encode()).hexdigest()
+
+
+def unsaid(table: BaseModel, wide: Mapping[str, float]) -> dict[str, float]:
+    """Of the wide values those whose keys the table was not given."""
+    return {key: value for key, value in wide.items() if key not in table.model_fields_set}
 
 
 def models_in(annotation: Any) -> list[type[BaseModel]]:

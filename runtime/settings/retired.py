@@ -230,8 +230,7 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
 """By file: the key, the constant that it became, and that constant's name there."""
 
 TABLES = {
-    "encoders.layout.left.info": "INFANT_LEFT in drivers/settings/layouts.py",
-    "encoders.layout.right.info": "INFANT_RIGHT in drivers/settings/layouts.py",
+    **{f"encoders.layout.{side}.info": "INFANT_* in drivers/settings/layouts.py" for side in ("left", "right")},
     "simulation.world.laser": "LaserGeometrySettings in drivers/settings/simulated_world.py",
     "simulation.laser.faults": "`infant sim`, which takes faults while it runs",
     "simulation.wheels.faults": "`infant sim`, which takes faults while it runs",
@@ -239,6 +238,7 @@ TABLES = {
     "encoders.layout.messages": 'a DBC file, which says the same (kind = "dbc")',
     "simulation.laser.speed_rpm": "LaserModel profiles in drivers/simulated/laser/profiles.py",
     "simulation.world.drive.corners_m": "DriveSettings in drivers/settings/simulated_world.py",
+    **dict.fromkeys(("slam.view.missed_range_m", "slam.view.missed_bearing_rad"), "slam/visibility.py: beams say it"),
     "review.particles_every": "runtime/review/writer.py, which draws them on every tick",
 }
 """What had no single number; no replay depends on it. Key and where to look."""
@@ -287,8 +287,8 @@ def translated(tree: Tree) -> tuple[Tree, list[str]]:
     for key in TABLES:
         take(tree, key)
     if value_at(tree, "encoders.layout.kind") == "signals":
-        take(tree, "encoders.layout.left")
-        take(tree, "encoders.layout.right")
+        for side in ("left", "right"):
+            take(tree, f"encoders.layout.{side}")
         put(tree, "encoders.layout.kind", "dbc")
     if value_at(tree, "encoders.layout.file") in DELIVERED:
         take(tree, "encoders.layout.file")  # the default of today, by the name that it had

@@ -18,10 +18,9 @@ from slam.joint.association import distance_to
 from slam.joint.measurement import JointArrays
 from slam.observations import FeatureRows
 from slam.settings.tuning import Tuning
-from slam.visibility import SightLine, in_clear_view, is_hidden, sensor_pose, sighting_of
+from slam.visibility import CHANCE, SightLine, in_clear_view, is_in_sight, sensor_pose, sighting_of
 
 SETTLED_SCANS = 30  # scans after which a landmark speaks for or against the pose: a walker has gone by then
-CHANCE = 0.1  # that a landmark seems to be found from a pose that is wrong
 FIRST_LOOKS, FIRST_FINDS = 4.0, 3.0  # what is presumed of a landmark that was found the last time
 FIRST_LOOKS_AFTER_MISS, FIRST_FINDS_AFTER_MISS = 20.0, 8.0  # of those that were missed the last time, all together
 MOST_LOOKS = 50.0  # the memory of a rate: a post seen from afar is found more often from near
@@ -122,7 +121,6 @@ def _score(
 ) -> tuple[int, int, int, float, float]:
     """Known, found, missed, log-odds against the pose, and the sum of the squared distances of the found ones."""
     sensor = sensor_pose(joint.mean, joint.mount)
-    anywhere = SightLine(0.0, 0.0, 0.0, sight.ranges_m[:0])
     by = np.full(places.size, -1)
     for feature in range(chosen.size):
         if chosen[feature] >= 0:
@@ -149,6 +147,6 @@ def _score(
         elif is_missed:
             known, missed = known + 1, missed + 1
             against += math.log((1.0 - CHANCE) / (1.0 - rate))
-        elif in_clear_view(x, y, sensor, anywhere, tuning) and not is_hidden(x, y, sensor, sight):
+        elif is_in_sight(x, y, sensor, sight, tuning):
             known += 1
     return known, found, missed, against, squares

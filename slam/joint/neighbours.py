@@ -22,7 +22,7 @@ def update_existence(
         if seen[index]:
             log_odds[index] = min(log_odds[index] + tuning.log_odds_seen, tuning.log_odds_max)
         elif tuning.existence and in_clear_view(x, y, sensor, sight, tuning):
-            log_odds[index] -= tuning.log_odds_missed
+            log_odds[index] -= sight.certainty * tuning.log_odds_missed
 
 
 @kernel

@@ -139,7 +139,7 @@ def lower_missed(
     doomed = False
     for index in range(candidates.shape[0]):
         if not changed[index] and in_clear_view(candidates[index, X], candidates[index, Y], sensor, sight, tuning):
-            candidates[index, LOG_ODDS] -= tuning.log_odds_missed
+            candidates[index, LOG_ODDS] -= sight.certainty * tuning.log_odds_missed
             changed[index] = True
         doomed = doomed or candidates[index, LOG_ODDS] < tuning.log_odds_remove
     return doomed

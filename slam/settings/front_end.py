@@ -6,6 +6,9 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from slam.settings.alignment import AlignmentSettings
 
+GIVEN_NOISE = {"sigma_range_m": 0.3, "sigma_bearing_rad": 0.05}
+"""Of a sensor that reports landmarks, where nobody says how good it is: as a camera's distances by size."""
+
 
 class FrontEndSettings(BaseModel):
     """How beams become point features, and how accurate a feature is.

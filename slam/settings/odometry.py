@@ -4,13 +4,16 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-POSE_NOISE = {
-    "slip_m_per_sqrt_m": 0.05,
-    "lateral_m_per_sqrt_m": 0.02,
-    "heading_rad_per_sqrt_m": 0.03,
-    "heading_rad_per_sqrt_rad": 0.1,
+WIDE_NOISE = {
+    "pose": {
+        "slip_m_per_sqrt_m": 0.05,
+        "lateral_m_per_sqrt_m": 0.02,
+        "heading_rad_per_sqrt_m": 0.03,
+        "heading_rad_per_sqrt_rad": 0.1,
+    },
+    "speed_yaw_rate": {"speed_noise_mps": 0.05, "speed_noise_ratio": 0.2, "yaw_rate_noise_radps": 0.2},
 }
-"""Where the base hands out poses and nobody says how good they are: as wide as in most of the public logs."""
+"""By model, where nobody says how good it is: poses as wide as in most of the public logs; speeds as if commanded."""
 
 
 class OdometrySettings(BaseModel):

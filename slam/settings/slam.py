@@ -95,7 +95,7 @@ class MountSettings(BaseModel):
 
 
 class ViewSettings(BaseModel):
-    """Where landmarks can be seen, and where not seeing one means something."""
+    """Where landmarks can be seen at all."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -111,20 +111,6 @@ class ViewSettings(BaseModel):
         le=50,
         description="Margin added when candidate landmarks are gathered, because landmarks move a little. Take "
         "about a tenth of range_max_m, 1 indoors",
-    )
-    missed_range_m: float = Field(
-        default=25.0,
-        ge=0,
-        le=500,
-        description="Distance up to which an unseen landmark counts as missed. Take the distance at which the "
-        "sensor reliably sees the thinnest landmark; 0 for a sensor that often misses things",
-    )
-    missed_bearing_rad: float = Field(
-        default=math.radians(130.0),
-        ge=0,
-        le=math.pi,
-        description="Bearing to either side up to which an unseen landmark counts as missed. Take 5 deg less than "
-        "the edge of the sensor's field of view",
     )
 
 

@@ -24,8 +24,6 @@ class Tuning(NamedTuple):
     match_known_square: float
     range_max_m: float
     range_margin_m: float
-    missed_range_m: float
-    missed_bearing_rad: float
     match_widest_square: float = 16.0  # of the particles: without it a lonely landmark accepts anything
     match_fixed_square: float = 9.21  # without the density technique: 99 % of true matches
     # nearer to a landmark none is created: it may be that landmark, or the thing's other edge; 16 leaves a fifth more

@@ -27,7 +27,7 @@ def share_judged_as_moved(slip_rad: float, seed: int) -> float:
         "particles": 10,
         "odometry": {"model": "pose", "heading_rad_per_sqrt_m": slip_rad / math.sqrt(0.05)},
         "front_end": {"sigma_range_m": 0.015, "range_max_m": 20.0},
-        "view": {"range_max_m": 20.0, "missed_bearing_rad": 1.48},
+        "view": {"range_max_m": 20.0},
     }
     estimator = Estimator(SlamSettings.model_validate(tree), 1)
     start, moved, compared = Pose2(6.0, 0.0, 0.0), 0, 0

@@ -107,6 +107,19 @@ def test_without_scans_the_pose_becomes_uncertain_and_then_lost() -> None:
     assert states == [Quality.TRACKING, Quality.UNCERTAIN, Quality.LOST]
 
 
+def test_a_sensor_that_reports_things_is_not_blind_while_it_reports_nothing() -> None:
+    monitor, now_ns = QualityMonitor(QualitySettings(), silence_is_blind=False), 0
+    for _ in range(20):
+        now_ns += TICK_NS
+        monitor.add(now_ns, GOOD)
+    assert quality(monitor, now_ns + 60 * TICK_NS) is Quality.TRACKING
+    strange = replace(GOOD, found=0, against=0.0)
+    for _ in range(28):
+        now_ns += 10 * TICK_NS
+        monitor.add(now_ns, strange)
+    assert quality(monitor, now_ns) is Quality.LOST, "it reports, and nothing of that is in the map"
+
+
 def test_open_country_where_nothing_is_expected_is_no_loss() -> None:
     assert quality(*after(*[GOOD] * 20, *[Evidence()] * 600)) is Quality.TRACKING
 

@@ -11,7 +11,7 @@ from slam.odometry.odometry import Increment
 from slam.particles.fastslam import FastSlam
 from slam.pose import Pose2, wrap_rads
 from slam.settings.slam import SlamSettings
-from slam.visibility import NO_SIGHT, SightLine
+from slam.visibility import SightLine, field_of_view
 
 DENSITY_PER_M2 = 0.02  # 42 landmarks in 270 deg to 30 m: enough for 30 observations
 VIEW_M, VIEW_RAD = 30.0, math.radians(135.0)
@@ -22,6 +22,7 @@ SEED = 1
 SURVEY_M = 0.75 * TILE_M  # the corners of a tile are 0.71 away
 STANDING = 3  # scans at a stop: four looks confirm a landmark
 BLIND = SightLine(-math.pi, math.pi / 180.0, VIEW_M, np.full(361, 0.1))  # sees past nothing: nothing is missed
+SIGHT = field_of_view(VIEW_M - 5.0, VIEW_RAD - math.radians(5.0))
 
 
 class Scene:
@@ -50,7 +51,7 @@ class Scene:
         increment = Increment(moved, covariance, False, True, 0.1, 0.5, 0.0, 0.05)
         return increment, self._look(self._observations, VIEW_RAD, VIEW_M)
 
-    def step(self, increment: Increment, features: FeatureRows, sight: SightLine = NO_SIGHT) -> None:
+    def step(self, increment: Increment, features: FeatureRows, sight: SightLine = SIGHT) -> None:
         """Particles and joint Gaussian, as the estimator calls them."""
         outcome = self.particles.step(increment, features, sight)
         self.joint.step(increment.mean, increment.covariance, features, outcome.matches, sight)

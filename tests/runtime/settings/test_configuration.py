@@ -6,6 +6,8 @@ import pytest
 from runtime.errors import ConfigurationError
 from runtime.settings.configuration import Configuration, load_configuration, load_configuration_text
 from runtime.source_tree import ROOT
+from slam.settings.front_end import GIVEN_NOISE
+from slam.settings.odometry import WIDE_NOISE
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "config").glob("*.toml")), ids=lambda path: path.name)
@@ -68,3 +70,12 @@ def test_an_override_reaches_its_key_and_a_wrong_one_is_named() -> None:
         load_configuration_text("", {"slam.particels": "7"})
     with pytest.raises(ConfigurationError, match=r"seed is a value"):
         load_configuration_text("seed = 1", {"seed.deep": "7"})
+
+
+def test_noise_that_nobody_states_is_wide_for_sensors_and_bases_that_are_known_to_be_rough() -> None:
+    text = '[vehicle]\nmotion_model = "speed_yaw_rate"\n[slam.front_end]\nkind = "given"\nsigma_range_m = 0.1\n'
+    slam = load_configuration_text(text, recorded=False).slam
+    assert (slam.front_end.sigma_range_m, slam.front_end.sigma_bearing_rad) == (0.1, GIVEN_NOISE["sigma_bearing_rad"])
+    assert slam.odometry.yaw_rate_noise_radps == WIDE_NOISE["speed_yaw_rate"]["yaw_rate_noise_radps"]
+    laser = load_configuration_text('rover = "x"\n', recorded=False).slam
+    assert laser.front_end.sigma_range_m < 0.1 < slam.odometry.speed_noise_ratio

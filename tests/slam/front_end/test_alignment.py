@@ -243,7 +243,7 @@ def largest_error_m(stops: list[Stop], enabled: bool) -> float:
         "mount": {"x_m": MOUNT.x_m},
         "odometry": WHEELS,
         "front_end": settings_of(enabled=enabled),
-        "view": {"range_max_m": 20.0, "missed_range_m": 12.0, "missed_bearing_rad": 1.48},
+        "view": {"range_max_m": 20.0},
     }
     estimator = Estimator(SlamSettings.model_validate(tree), 1)
     errors = []

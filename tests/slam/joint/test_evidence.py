@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from slam.joint.evidence import (
-    CHANCE,
     FIRST_FINDS_AFTER_MISS,
     FIRST_LOOKS_AFTER_MISS,
     MOST_OF_A_SCAN,
@@ -13,7 +12,7 @@ from slam.joint.evidence import (
 from slam.joint.measurement import FIRST_PLACE, JointArrays
 from slam.observations import NO_FEATURES
 from slam.settings.slam import SlamSettings
-from slam.visibility import SightLine
+from slam.visibility import CHANCE, SightLine
 from tests.slam.joint.test_gaussian import features_at
 
 TUNING = SlamSettings().tuning()

@@ -24,9 +24,11 @@ from slam.pose import Pose2
 from slam.settings.joint import JointSettings
 from slam.settings.odometry import OdometrySettings
 from slam.settings.slam import SlamSettings, ViewSettings
+from slam.visibility import field_of_view
 
 NOISE = np.diag((RANGE_NOISE_M**2, BEARING_NOISE_RAD**2))
-TUNING = SlamSettings(view=ViewSettings(range_max_m=VIEW_M + 2.0, missed_range_m=VIEW_M - 2.0)).tuning()
+TUNING = SlamSettings(view=ViewSettings(range_max_m=VIEW_M + 2.0)).tuning()
+SIGHT = field_of_view(VIEW_M - 2.0, math.radians(130.0))
 SEEDS = range(4)
 
 
@@ -65,7 +67,7 @@ def run(kind: WorldKind, seed: int, landmarks_in_state: int = JointSettings().la
             seen.identities,
         )
         rows = usable_rows(features, TUNING.range_max_m, 0.0)
-        joint.step(increment.mean, increment.covariance, rows, rows.identities)
+        joint.step(increment.mean, increment.covariance, rows, rows.identities, SIGHT)
         poses.append(joint.map_from_body.as_array())
         covariances.append(joint.covariance)
         most = max(most, joint.landmarks_in_state)

@@ -1,6 +1,7 @@
 """A map outlives its drive: nothing of it is lost, nothing of the drive is in it, and a frozen one stays as it is."""
 
 import copy
+import math
 from functools import cache
 
 import numpy as np
@@ -16,10 +17,12 @@ from slam.observations import FeatureRows
 from slam.pose import Pose2
 from slam.settings.joint import JointSettings
 from slam.settings.slam import SlamSettings
+from slam.visibility import field_of_view
 from tests.slam.joint.test_gaussian import features_at
 
 TUNING = SlamSettings().tuning()
 STEP = np.array((1.0, 0.0, 0.0))
+SIGHT = field_of_view(14.0, math.pi)
 NOISE = np.diag((0.02, 0.02, 0.002)) ** 2
 
 
@@ -43,7 +46,7 @@ def driven(keyframes: bool = False) -> JointGaussian:
     """150 m along a road of 60 posts, which are far more than the state holds."""
     joint, road = empty(), posts(60)
     for step in range(150):
-        joint.step(STEP, NOISE, seen_from(step + 1.0, road), np.zeros(0, dtype=np.int64))
+        joint.step(STEP, NOISE, seen_from(step + 1.0, road), np.zeros(0, dtype=np.int64), SIGHT)
         if keyframes and step % 5 == 0:
             joint.add_keyframe()
     return joint
@@ -113,7 +116,7 @@ def again(frozen: bool, start: Pose2, known: JointMap) -> JointGaussian:
     road = posts(60)
     road[[10, 25, 40]] += (1.4, 3.0)
     for step in range(120):
-        joint.step(STEP, NOISE, seen_from(step + 5.0, road), np.zeros(0, dtype=np.int64))
+        joint.step(STEP, NOISE, seen_from(step + 5.0, road), np.zeros(0, dtype=np.int64), SIGHT)
     return joint
 
 

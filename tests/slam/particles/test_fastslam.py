@@ -9,7 +9,7 @@ from drivers.measurements import FloatArray
 from slam.observations import IDENTITIES_PER_SCAN, MatchVerdict
 from slam.particles.fastslam import FastSlam, weighted_mean
 from slam.settings.slam import SlamSettings
-from slam.visibility import SightLine
+from slam.visibility import SightLine, field_of_view
 from tests.support.slam.scenes import POSTS_M, arc_pose, increment_of, seen_from, settings_of
 
 PROPOSALS = ["motion", "ekf", "unscented"]
@@ -91,8 +91,9 @@ def test_a_landmark_that_is_gone_is_removed_and_one_out_of_view_is_kept() -> Non
     behind = np.vstack((POSTS_M, (-9.0, 0.5)))
     for _ in range(3):
         filter_.step(increment_of(), seen_from(np.zeros(3), behind))
+    ahead = field_of_view(20.0, math.radians(130.0))
     for _ in range(30):
-        filter_.step(increment_of(), seen_from(np.zeros(3), POSTS_M[1:]))
+        filter_.step(increment_of(), seen_from(np.zeros(3), POSTS_M[1:]), ahead)
     means = filter_.store.map_of(filter_.best).means_m
     assert not (np.hypot(*(means - POSTS_M[0]).T) < 0.5).any()
     assert (np.hypot(*(means - (-9.0, 0.5)).T) < 0.5).any()

@@ -14,17 +14,18 @@ from slam.quality import QualityMonitor
 from slam.relocalise.local_map import ScanSeen
 from slam.relocalise.relocaliser import Relocaliser
 from slam.settings.slam import SlamSettings
-from slam.visibility import NO_SIGHT
+from slam.visibility import field_of_view
 
 SIGMA_M, SIGMA_RAD = 0.05, 0.005
 STEP_M = 0.5
 STEP_NS = 250_000_000
 STEP_NOISE = np.diag((0.03**2, 0.01**2, 0.01**2))
 VIEW_M = 20.0
+SIGHT = field_of_view(VIEW_M - 2.0, math.pi)
 SETTINGS = SlamSettings.model_validate(
     {
         "front_end": {"sigma_range_m": 0.1},
-        "view": {"range_max_m": VIEW_M, "missed_range_m": VIEW_M - 2.0, "missed_bearing_rad": math.pi},
+        "view": {"range_max_m": VIEW_M},
     }
 )
 
@@ -60,9 +61,9 @@ class TreeDrive:
         rows = usable_rows(self._features(), VIEW_M, 0.0)
         confidence = Confidence(self.quality.settled_before, self.quality.map_is_kept)
         hints: IntArray = np.full(rows.ranges_m.size, -1)
-        matched = self.joint.observe(rows, hints, NO_SIGHT, confidence)
+        matched = self.joint.observe(rows, hints, SIGHT, confidence)
         self.quality.add(self._stamp_ns, self.joint.evidence)
-        seen = ScanSeen(self._stamp_ns, told, noise, rows, NO_SIGHT, None, False)
+        seen = ScanSeen(self._stamp_ns, told, noise, rows, SIGHT, None, False)
         recognition = self.relocaliser.step(seen, matched, self.quality)
         if recognition is not None:
             self.recognitions.append(recognition)

@@ -31,8 +31,10 @@ from slam.odometry.odometry import Odometry
 from slam.particles.fastslam import FastSlam
 from slam.particles.step import landmarks_near
 from slam.settings.slam import SlamSettings
+from slam.visibility import field_of_view
 
 WHOLE_MAP_M = 500.0
+SIGHT = field_of_view(VIEW_M - 2.0, math.radians(130.0))
 
 WORLD_SETTINGS: dict[str, Any] = {
     "odometry": {
@@ -42,11 +44,7 @@ WORLD_SETTINGS: dict[str, Any] = {
         "noise_time_s": PERIOD_S,
     },
     "front_end": {"kind": "given", "sigma_range_m": RANGE_NOISE_M, "sigma_bearing_rad": BEARING_NOISE_RAD},
-    "view": {
-        "range_max_m": VIEW_M + 1.0,
-        "missed_range_m": VIEW_M - 2.0,
-        "missed_bearing_rad": math.radians(130.0),
-    },
+    "view": {"range_max_m": VIEW_M + 1.0},
 }
 
 
@@ -92,10 +90,10 @@ def feature_drive(
         features = vote(features, odometry.odom_from_body)
         began_s = time.process_time()
         rows = usable_rows(features, settings.view.range_max_m, settings.mount.yaw_rad)
-        outcome = filter_.step(increment, rows)
+        outcome = filter_.step(increment, rows, SIGHT)
         between_s = time.process_time()
         if joint is not None:
-            joint.step(increment.mean, increment.covariance, rows, outcome.matches)
+            joint.step(increment.mean, increment.covariance, rows, outcome.matches, SIGHT)
             published.append(joint.map_from_body.as_array())
             covariances.append(joint.covariance)
         joint_cpu_s += time.process_time() - between_s
