@@ -107,7 +107,7 @@ def _damage(facts: RunFacts) -> list[Finding]:
         cause, remedy = SAID[events[0].kind]
         often = len(events) >= OFTEN or name == "laser_frozen"
         severity = Severity.WARN if often else Severity.INFO
-        evidence = (f"{len(events)} reports, at most one a second", *driver_reports(events, 2))
+        evidence = (f"{len(events)} report{'s' * (len(events) != 1)}, at most one a second", *driver_reports(events, 2))
         findings.append(
             Finding(name, severity, f"{title} during {spans_text(intervals)}", evidence, cause, remedy, intervals)
         )

@@ -138,7 +138,7 @@ def _damage(facts: RunFacts) -> list[Finding]:
                 "wheel_frames_lost" if kind == "lost_together" else "wheel_frames_damaged",
                 Severity.INFO if harmless else Severity.WARN,
                 f"{what} during {spans_text(intervals)}",
-                (f"{len(events)} reports", *driver_reports(events, 2)),
+                (f"{len(events)} report{'s' * (len(events) != 1)}", *driver_reports(events, 2)),
                 cause,
                 "check cables and termination, and the ids of the nodes; see encoders.layout",
                 intervals,
