@@ -18,6 +18,7 @@ from runtime.importers.archive import Archive
 from runtime.importers.parsing import carmen_lines
 from runtime.importers.parsing.beams import padded_ranges
 from runtime.importers.parsing.carmen_lines import LaserLine
+from runtime.importers.parsing.clock_steps import step_sentences
 from runtime.importers.parsing.gmapping_output import MARK, wheels_own_motion
 from runtime.importers.parsing.left_out import LeftOut
 from runtime.importers.parsing.line_times import LineTimes, line_times
@@ -86,11 +87,8 @@ def _read(line: str, number: int, is_whole: bool, log: _Log) -> None:
         item = carmen_lines.odometry_line(words) if what is ODOMETRY else carmen_lines.laser_line(words)
         log.lines.append(_Line(number, words[0], carmen_lines.stamps_s(words), item))
     except (ValueError, IndexError) as error:
-        if words[0] == "PARAM":
-            log.left_out.warnings.append(f"{log.place(number)}: {error}; the line is ignored")
-        else:
-            reason = f"{words[0]} line cannot be read ({error})" if is_whole else "the log was cut off in this line"
-            log.left_out.add(what, reason, log.place(number))
+        reason = f"{words[0]} line cannot be read ({error})" if is_whole else "the log was cut off in this line"
+        log.left_out.add("PARAM lines" if words[0] == "PARAM" else what, reason, log.place(number))
 
 
 def _choose_laser(log: _Log) -> None:
@@ -223,12 +221,9 @@ def _times(log: _Log) -> LineTimes:
     is_scan[[k for (_, before), (k, scan) in itertools.pairwise(scans) if before.ranges_m == scan.ranges_m]] = False
     columns = [np.array([line.stamps_s[k] for line in log.lines]) for k in (0, 1)]
     times = line_times(columns, is_scan, ~is_laser)
-    for row, step_s in times.steps:
-        where = "back" if step_s < 0.0 else "forward"
-        log.left_out.warnings.append(
-            f"{log.place(log.lines[row].number)}: the clock of the log was set {where} by {abs(step_s):.1f} "
-            "s; the stamps after it are shifted so that time goes on"
-        )
+    log.left_out.warnings += step_sentences(
+        times.steps, lambda row: f"{log.place(log.lines[row].number)}: the clock of the log"
+    )
     if times.lost:
         log.left_out.warnings.append(f"{log.source.name}: {times.lost}")
     return times

@@ -3,6 +3,7 @@
 The bytes themselves go into the run as well, as a live rover records them. A capture holds one of the two sensors.
 """
 
+from array import array
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,7 +21,7 @@ from runtime.errors import DataSetError
 from runtime.importers.archive import Archive
 from runtime.importers.parsing.beams import padded_ranges
 from runtime.importers.parsing.candump_lines import candump_line
-from runtime.importers.parsing.clock_steps import join_clock
+from runtime.importers.parsing.clock_steps import join_clock, step_sentences
 from runtime.importers.parsing.left_out import LeftOut
 from runtime.importers.parsing.scip_capture import chunks, read_capture
 from runtime.importers.parsing.text_lines import TextLines
@@ -29,6 +30,7 @@ from runtime.messages.tick import LaserBytes, Record, encode_laser_bytes
 
 CUT = "the log was cut off in this line"
 IDS_SHOWN = 6
+MOST_CHANNELS = 16  # buses in one log
 BENIGN = ("lost", "gap", "duplicate", "out_of_order")
 
 
@@ -100,7 +102,9 @@ def load_candump(source: Path, settings: EncoderSettings) -> Archive:
 
 def _frames(source: Path, settings: EncoderSettings, left_out: LeftOut) -> list[CanFrame]:
     """Frames of one bus in the order of their stamps, on one clock that never goes back."""
-    read: list[tuple[float, str, CanFrame]] = []
+    frames: list[CanFrame] = []  # their times and channels apart: a line may be as short as 11 bytes
+    times_s, channel_of = array("d"), array("B")
+    channels: dict[str, int] = {}
     lines = TextLines(source)
     lengths: dict[int, int] = {}
     for number, line, is_whole in lines:
@@ -108,6 +112,8 @@ def _frames(source: Path, settings: EncoderSettings, left_out: LeftOut) -> list[
             continue
         try:
             seconds, channel, frame = candump_line(line)
+            if len(channels) == MOST_CHANNELS and channel not in channels:
+                raise ValueError(f"more than {MOST_CHANNELS} buses")
         except ValueError as error:
             reason = f"the line cannot be read ({error})" if is_whole else CUT
             left_out.add("frames", reason, f"{source.name}:{number}")
@@ -116,30 +122,34 @@ def _frames(source: Path, settings: EncoderSettings, left_out: LeftOut) -> list[
             left_out.add("frames", CUT, f"{source.name}:{number}")
             continue
         lengths[frame.arbitration_id] = len(frame.data)
-        read.append((seconds, channel, frame))
+        frames.append(frame)
+        times_s.append(seconds)
+        channel_of.append(channels.setdefault(channel, len(channels)))
     if lines.damage:
         left_out.warnings.append(f"{source.name} is read up to its last whole line: {lines.damage}")
-    if not read:
+    if not frames:
         first = left_out.first()
         raise DataSetError(
             f"{source} holds no frame with a time{f'; {first}' if first else ''}; record it with candump -l"
         )
-    channels = Counter(channel for _, channel, _ in read)
-    wanted = settings.bus.channel if settings.bus.channel in channels else channels.most_common(1)[0][0]
+    counts = np.bincount(channel_of)
+    wanted = channels.get(settings.bus.channel, int(counts.argmax()))
     if len(channels) > 1:
+        taken = list(channels)[wanted]
         left_out.notes.append(
-            f"{wanted} is read, out of {', '.join(sorted(channels))}; encoders.bus.channel names the bus"
+            f"{taken} is read, out of {', '.join(sorted(channels))}; encoders.bus.channel names the bus"
         )
-    clock = join_clock([seconds for seconds, _, _ in read])
-    for row, step_s in clock.steps:
-        left_out.warnings.append(
-            f"frame {row + 1}: the clock was set {'back' if step_s < 0.0 else 'forward'} by "
-            f"{abs(step_s):.1f} s; the stamps after it are shifted so that time goes on"
-        )
+    clock = join_clock(times_s)
+    left_out.warnings += step_sentences(clock.steps, lambda row: f"frame {row + 1}: the clock")
     left_out.add("frames", "the stamp lies far from its neighbours", source.name, int((~clock.good).sum()))
-    order = [row for row in np.argsort(clock.stamps_s, kind="stable").tolist() if clock.good[row]]
-    stamped = ((round(float(clock.stamps_s[row]) * 1e9), *read[row][1:]) for row in order)
-    return [frame._replace(stamp_ns=stamp_ns) for stamp_ns, channel, frame in stamped if channel == wanted]
+    order = [
+        row
+        for row in np.argsort(clock.stamps_s, kind="stable").tolist()
+        if clock.good[row] and channel_of[row] == wanted
+    ]
+    for row in order:
+        frames[row] = frames[row]._replace(stamp_ns=round(float(clock.stamps_s[row]) * 1e9))
+    return [frames[row] for row in order]
 
 
 def _report(source: Path, frames: list[CanFrame], pair: WheelPair, ids: tuple[int, ...], left_out: LeftOut) -> None:

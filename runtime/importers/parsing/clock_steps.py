@@ -1,7 +1,7 @@
 """Stamps of a log whose clock was set while it ran: moved on so that time goes forward as it did."""
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from drivers.measurements import BoolArray, FloatArray
 
 STEP_S = 1.0  # lines of a log are out of order by less than this; what is farther back is another clock
+STEPS_TOLD = 10
 PAUSE_S = 86_400.0  # nobody pauses a drive for a day: a step forward of more is another clock as well
 
 
@@ -45,6 +46,17 @@ def join_clock(stamps_s: Sequence[float]) -> JoinedClock:
             good[row] = False
         joined[row] = now_s
     return JoinedClock(joined, good, steps)
+
+
+def step_sentences(steps: Sequence[tuple[int, float]], at: Callable[[int], str]) -> list[str]:
+    """What is said of a clock's steps, of the first few one by one. at: where a row lies, and whose clock it is."""
+    told = [
+        f"{at(row)} was set {'back' if step_s < 0.0 else 'forward'} by {abs(step_s):.1f} s; the stamps after it are "
+        "shifted so that time goes on"
+        for row, step_s in steps[:STEPS_TOLD]
+    ]
+    more = len(steps) - STEPS_TOLD
+    return told + ([f"and {more} more times: whoever wrote this had no clock that goes on"] if more > 0 else [])
 
 
 def longest_rising(stamps_s: FloatArray) -> BoolArray:

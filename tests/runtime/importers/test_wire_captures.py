@@ -1,6 +1,7 @@
 """Captures of a rover's wires become runs: the bytes, and what they measured."""
 
 import math
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,8 +11,11 @@ import pytest
 from drivers.measurements import Scan, WheelCounts
 from runtime.errors import DataSetError
 from runtime.importers.data_set import import_data_set
+from runtime.importers.wire_captures import load_candump, load_scip
 from runtime.record.reader import RunReader
 from runtime.replay.replay import replay_run
+from runtime.settings.configuration import load_configuration
+from runtime.source_tree import CONFIG
 from tests.support.runtime.carmen_logs import moments, room_ranges
 from tests.support.runtime.scip_captures import as_records, described, scan_messages
 
@@ -133,3 +137,25 @@ def test_what_is_no_recording_is_told_what_a_source_may_be(tmp_path: Path, conte
         import_data_set(tmp_path / "a.log", tmp_path / "run")
     assert "pickle" not in str(caught.value)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_candump_of_buses_without_end_is_told_in_a_few_words(tmp_path: Path) -> None:
+    encoders = load_configuration(CONFIG / "rover.toml").encoders
+    assert encoders is not None
+    (tmp_path / "x.log").write_text("\n".join(f"({k}) can{k % 400} 181#{k % 251:02X}" for k in range(4000)))
+    archive = load_candump(tmp_path / "x.log", encoders)
+    notes, warnings = archive.left_out.sentences({})
+    assert any("more than 16 buses" in each for each in (*notes, *warnings))
+    assert max(map(len, (*notes, *warnings))) < 1000
+
+
+def test_a_capture_without_an_end_is_read_in_pieces(tmp_path: Path) -> None:
+    with (tmp_path / "x.scip").open("wb") as stream:
+        stream.write(described())
+        stream.truncate(200_000_000)
+    tracemalloc.start()
+    archive = load_scip(tmp_path / "x.scip")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 5_000_000
+    assert "ranges" not in archive

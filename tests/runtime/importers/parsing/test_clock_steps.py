@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.importers.parsing.clock_steps import join_clock, longest_rising
+from runtime.importers.parsing.clock_steps import join_clock, longest_rising, step_sentences
 
 
 @given(st.lists(st.sampled_from([0.0, 1.0, 2.0, 3.0, 5.0, float("nan"), float("inf")]), max_size=8))
@@ -53,3 +53,11 @@ def test_any_stamps_are_taken(stamps_s: list[float]) -> None:
 def test_lines_out_of_order_by_a_little_are_no_step() -> None:
     clock = join_clock([1.0, 1.2, 1.1, 1.4])
     assert (clock.steps, clock.stamps_s.tolist()) == ([], [1.0, 1.2, 1.1, 1.4])
+
+
+def test_a_clock_that_jumps_for_ever_is_told_in_a_few_sentences() -> None:
+    steps = [(row, -5.0) for row in range(100_000)]
+    told = step_sentences(steps, lambda row: f"x.log:{row}: the clock")
+    assert len(told) == 11
+    assert told[0].startswith("x.log:0: the clock was set back by 5.0 s")
+    assert told[-1].startswith("and 99990 more times")
