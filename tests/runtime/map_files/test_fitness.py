@@ -35,7 +35,7 @@ def test_the_rover_that_made_a_map_may_use_it() -> None:
     [
         ("[slam.mount]\nx_m = -0.2\n", "0.50 m and 0.0 deg"),
         ("[slam.mount]\nx_m = 0.3\nyaw_rad = 3.14159\n", "180.0 deg"),
-        ("[slam.mount]\nx_m = 0.3\nupside_down = true\n", "upright, here it is not"),
+        ("[slam.mount]\nx_m = 0.3\nupside_down = true\n", "upright, which it is not here"),
         ("[slam.mount]\nx_m = 0.3\n[slam.view]\nrange_max_m = 4.0\n", "range_max_m"),
     ],
 )
@@ -78,7 +78,7 @@ def test_what_a_map_holds_is_shown(tmp_path: Path) -> None:
     assert facts["runs"] == ["monday"]
     assert np.all(np.array(facts["low_m"]) < facts["high_m"])
     assert any("40" in line for line in info_lines(facts))
-    assert check_lines(check_map(path, None)) == [f"whole     {path}: 40 landmarks, sha256 {facts['sha256']}"]
+    assert check_lines(check_map(path, None)) == [f"intact    {path}: 40 landmarks, sha256 {facts['sha256']}"]
 
 
 def test_ten_thousand_landmarks_at_one_place_are_counted_and_not_listed() -> None:
