@@ -101,11 +101,13 @@ def _draw(run: Path, out_rrd: Path, asked: "Connection[InfantError | None, str]"
     """The process: draws, waits for the verdict, and says what went wrong, None where nothing did."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is its parent's, which then terminates it
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    outcome: InfantError | None = None
     try:
         build_review(run, out_rrd, verdict=asked.recv)
     except EOFError:
         return  # nobody waits any more
     except InfantError as error:
-        asked.send(error)
-    else:
-        asked.send(None)
+        outcome = error
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)  # nothing is left to clean up; rerun's end would trace back
+    asked.send(outcome)

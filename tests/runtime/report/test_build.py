@@ -99,7 +99,7 @@ def test_review_fails_on_what_it_was_told_to(run: Path) -> None:
 
 
 def test_the_picture_that_is_drawn_meanwhile_has_the_verdict_and_none_is_left_where_the_report_fails(
-    run: Path, tmp_path: Path
+    run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with drawn_meanwhile(run, tmp_path / "review.rrd") as finish:
         finish("healthy, says the test")
@@ -109,6 +109,7 @@ def test_the_picture_that_is_drawn_meanwhile_has_the_verdict_and_none_is_left_wh
     with pytest.raises(StorageError, match="cannot be written"), drawn_meanwhile(run, tmp_path / "no" / "a") as finish:
         finish("")
     assert [path.name for path in tmp_path.iterdir()] == ["review.rrd"]
+    assert "Traceback" not in capfd.readouterr().err  # of a process that is ended while it ends
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
