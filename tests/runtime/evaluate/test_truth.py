@@ -55,7 +55,7 @@ ATTACHED = {
 
 @pytest.mark.parametrize("name", ATTACHED)
 def test_what_is_no_truth_is_refused_in_a_sentence(name: str) -> None:
-    with pytest.raises(NotARunError, match=r"truth\.npz is no truth"):
+    with pytest.raises(NotARunError, match=r"truth\.npz is not usable as truth"):
         DataSetTruth.from_attachments({ATTACHMENT: ATTACHED[name]})
 
 
