@@ -38,6 +38,7 @@ NEED_RANGE_M = 10.0  # at this distance: what a wrong heading moves
 WIDEST_SQUARE = 30.0  # nor where the result contradicts the wheels by this squared distance, unless they have slipped:
 SUSPECT_SQUARE = 11.3  # that wheels which were only suspected are off by, 99 % of what chance makes of three numbers
 SLIPPED = np.diag((0.15, 0.15, 0.1)) ** 2  # m^2, rad^2, of the motion by wheels that are suspected
+TURNED_STARTS = 9  # headings, where the scan lies worse than usual at those that the wheels admit
 SLIP_SHARE = 0.7  # so many points are on surfaces then
 SLIP_GAIN = 0.05  # and so many more than by the wheels' motion
 POOR_SHARE = 0.25  # so many points fewer than usual on surfaces say that the best motion near the wheels' is wrong too
@@ -157,11 +158,11 @@ class Alignment:
             return increment
         motion, information, count = search.best(prior, covariance + (SLIPPED if only_if_slipped else 0.0), along=True)
         share = count / len(search.points_m)
-        if self._usual_fit - share > POOR_SHARE:
-            found = self._found_widely(now, search, prior)
+        if self._usual_fit - share > UNUSUAL_SHARE:
+            found = self._found_elsewhere(now, search, increment, covariance, share)
             if found is not None:
                 self.refined += 1
-                self.found_widely += 1
+                self.laid = self._beams(now)
                 return self._moved_by(increment, found.motion, found.information)
         if not only_if_slipped:
             self._usual_fit += USUAL_GAIN * (share - self._usual_fit)
@@ -182,6 +183,21 @@ class Alignment:
             self.laid = self._beams(now)
         return self._moved_by(increment, motion, information)
 
+    def _found_elsewhere(
+        self, now: SeenFrom, search: Search, increment: Increment, covariance: FloatArray, share: float
+    ) -> Found | None:
+        """Where a scan that lies worse than usual near the wheels' motion lies as well as usual: turned by more than
+        they admit, or clearly at another place.
+        """
+        if not increment.at_rest:
+            motion, information, count = search.best(
+                increment.mean, covariance + SLIPPED, along=True, starts=TURNED_STARTS
+            )
+            its_share = count / len(search.points_m)
+            if its_share > max(share + SLIP_GAIN, self._usual_fit - UNUSUAL_SHARE):
+                return Found(motion, information, its_share)
+        return self._found_widely(now, search, increment.mean) if self._usual_fit - share > POOR_SHARE else None
+
     def _found_widely(self, now: SeenFrom, search: Search, prior: FloatArray) -> Found | None:
         """The motion where the scan lies nowhere near the place that the wheels say, but clearly at another; looked
         for at most once in WIDE_PAUSE_NS.
@@ -190,7 +206,9 @@ class Alignment:
             return None
         self.searched_ns = now.scan.stamp_ns
         views = [View.of(self._beams(seen)) for seen in (now, self._past[-1])]
-        return WideSearch(search, views[0], views[1], self._body_from_laser).best(prior)
+        found = WideSearch(search, views[0], views[1], self._body_from_laser).best(prior)
+        self.found_widely += found is not None
+        return found
 
     def _moved_by(self, increment: Increment, motion: FloatArray, information: FloatArray) -> Increment:
         """The increment with another motion (3,), known with that information (3, 3)."""

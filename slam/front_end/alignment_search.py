@@ -32,7 +32,7 @@ class Search:
     past: EarlierScans
 
     def best(
-        self, prior: FloatArray, covariance: FloatArray, *, along: bool = False
+        self, prior: FloatArray, covariance: FloatArray, *, along: bool = False, starts: int | None = None
     ) -> tuple[FloatArray, FloatArray, int]:
         """The motion (3,) of least cost over all starts, its information (3, 3) and its number of points.
 
@@ -43,9 +43,10 @@ class Search:
         wheels = Prior(prior, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
         narrowing = np.geomspace(GATE_FIRST_M, GATE_LAST_M, NARROWING_STEPS)
         coarse = max(1, -(-len(self.points_m) // COARSE_POINTS))
-        offsets = np.linspace(-START_DEVIATIONS, START_DEVIATIONS, STARTS) if STARTS > 1 else np.zeros(1)
-        starts = [prior + off * covariance[:, 2] / math.sqrt(covariance[2, 2]) for off in offsets]
-        motion = self._cheapest(wheels, starts, coarse, narrowing)
+        number = STARTS if starts is None else starts
+        offsets = np.linspace(-START_DEVIATIONS, START_DEVIATIONS, number) if number > 1 else np.zeros(1)
+        places = [prior + off * covariance[:, 2] / math.sqrt(covariance[2, 2]) for off in offsets]
+        motion = self._cheapest(wheels, places, coarse, narrowing)
         last = np.full(FINAL_STEPS, GATE_LAST_M)
         posterior, count, cost = self._descend(wheels, motion, 1, last)
         if along:

@@ -8,7 +8,7 @@ from drivers.measurements import FloatArray
 from slam.front_end.wide_search import Found, WideSearch
 from slam.pose import Pose2
 
-STEP_M = 0.5  # between two searches, each of which takes milliseconds
+STEP_M = 0.25  # between two searches, each of which takes milliseconds
 LEAST_SHARE = 0.25  # of the points on surfaces of the keyframe: by a tenth corridors were closed metres off
 CLEAR_M = 0.3  # sigma of a fit; one that leaves more open, as in a corridor, does not say where the rover is
 SAME_M, SAME_RAD = 0.3, 0.1  # two fits that correct the pose so nearly alike say the same
@@ -27,14 +27,14 @@ class FarLoops:
             return True
         return math.hypot(pose.x_m - self._tried_at.x_m, pose.y_m - self._tried_at.y_m) >= STEP_M
 
-    def find(self, number: int, search: WideSearch, predicted: FloatArray, pose: Pose2) -> Found | None:
+    def find(self, number: int, search: WideSearch, at: FloatArray, pose: Pose2, predicted: FloatArray) -> Found | None:
         """The motion from a keyframe to the body; None until two keyframes have said the same: rooms look alike.
 
         number: of the keyframe. search: for the scan on it. predicted (3,): where the body at pose should be, as seen
-        from the keyframe.
+        from the keyframe; at (3,): where it is looked for.
         """
         self._tried_at = pose
-        found = search.nearby(predicted)
+        found = search.nearby(at)
         if found is None or found.share < LEAST_SHARE:
             return None
         if math.sqrt(np.linalg.inv(found.information)[:2, :2].trace()) > CLEAR_M:

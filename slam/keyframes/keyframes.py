@@ -31,7 +31,8 @@ MOUNT_M, MOUNT_RAD = 0.03, 0.01  # what the mount and the sweep may be off by: t
 MOST_POINTS = 200  # of a scan are laid onto a keyframe
 MOST_BEAMS = 541  # of a keyframe are kept
 LEAST_POINTS, LEAST_SHARE = 30, 0.5  # on surfaces of the keyframe
-FARTHEST_M, FARTHEST_RAD = 8.0, 0.5  # sigma beyond which it is not looked for at all
+WITHIN_SIGMAS, WITHIN_SQUARE = 2.5, 14.0  # the pose may be off by so much; 99.7 % of what chance makes of three numbers
+FARTHEST_M, FARTHEST_RAD = 15.0, 0.5  # sigma beyond which it is not looked for at all
 LARGEST_SQUARE = 50.0  # of a fit that contradicts the filter; farther off it is another place that looks alike
 LYING_SHARE = 0.6  # of the points of a scan that lies on the map; from a wrong pose one in a hundred does
 LYING_M = 0.02  # sigma of its position, m, by its points alone
@@ -180,9 +181,12 @@ class Keyframes:
     def _apart(self, between: FloatArray) -> FloatArray:
         """(K,) how far each keyframe is away, m and turns counted as such; inf beyond reach."""
         distances, turns = np.hypot(between[:, 0], between[:, 1]), np.abs(between[:, 2])
-        views = np.array([keyframe.field_of_view_rad for keyframe in self._keyframes])
-        reached = (distances < REACH_M) & (turns < REACH_SHARE * views)
+        reached = (distances < REACH_M) & (turns < self._most_turned())
         return np.where(reached, distances + METRES_PER_RAD * turns, math.inf)
+
+    def _most_turned(self) -> FloatArray:
+        """(K,) rad by which the rover may be turned against each keyframe to see enough of the same."""
+        return REACH_SHARE * np.array([keyframe.field_of_view_rad for keyframe in self._keyframes])
 
     def _candidates(self, between: FloatArray) -> list[int]:
         """Numbers of the nearest keyframe and of a few old ones nearby; between (K, 3): the body as seen from each."""
@@ -217,24 +221,33 @@ class Keyframes:
     def _close_far(self, beams: Beams, points_m: FloatArray, between: FloatArray) -> bool:
         """Try one old keyframe from which the pose is known to metres only, the next one the next time; whether the
         joint Gaussian was told of it.
+
+        In turn, the rover is looked for where it should be as seen from a near keyframe, and at the place of one
+        that is farther away, as if it had come back there.
         """
         pose, sigma_m = self._joint.map_from_body, math.sqrt(self._joint.covariance[:2, :2].trace())
         if sigma_m < WIDEST_M or not self._far.is_due(pose):
             return False
-        distances = np.hypot(between[: -OLD - 1, 0], between[: -OLD - 1, 1])
-        near = np.flatnonzero(distances < OLD_REACH_M + sigma_m)
         self._turn += 1
+        is_wide = self._turn % 2 == 1
+        far_m = OLD_REACH_M + (WITHIN_SIGMAS if is_wide else 1.0) * sigma_m
+        distances, turned = np.hypot(between[:, 0], between[:, 1]), np.abs(between[:, 2]) >= self._most_turned()
+        distances[turned] = math.inf
+        near = np.flatnonzero(distances[: -OLD - 1] < far_m)
         if len(near) == 0:
             return False
-        number = int(near[np.argsort(distances[near], kind="stable")[self._turn % len(near)]])
+        number = int(near[np.argsort(distances[near], kind="stable")[self._turn // 2 % len(near)]])
         predicted, covariance = self._joint.from_keyframe(number)
         spread = np.diag(covariance)
         if not WIDEST_M < math.sqrt(spread[0] + spread[1]) < FARTHEST_M or math.sqrt(spread[2]) > FARTHEST_RAD:
             return False
+        at = predicted * (0.0, 0.0, 1.0) if is_wide else predicted
+        if not _square(at - predicted, covariance) < WITHIN_SQUARE:
+            return False
         keyframe = self._keyframes[number]
         onto = Search(points_m, keyframe.surfaces(self._laser_from_body))
         search = WideSearch(onto, View.of(beams), keyframe.view, self._body_from_laser)
-        found = self._far.find(number, search, predicted, pose)
+        found = self._far.find(number, search, at, pose, predicted)
         return found is not None and self._tell(number, found.motion, found.information, LOOSE)
 
     def _tell(self, number: int, motion: FloatArray, information: FloatArray, held: FloatArray) -> bool:
@@ -256,3 +269,7 @@ class Keyframes:
         self.fitted += 1
         self.closed += number < len(self._keyframes) - OLD - 1
         return True
+
+
+def _square(off: FloatArray, covariance: FloatArray) -> float:
+    return float(off @ np.linalg.solve(covariance, off))
