@@ -21,7 +21,7 @@ def test_a_loop_is_closed_where_the_pose_is_known_to_metres_only(
     off: tuple[float, float, float], sigma_m: float
 ) -> None:
     """A lap, metres of drift told honestly, and the same corridor again: the way back is found by two keyframes."""
-    stops = drive_round(1, 1.3, MOUNT)
+    stops = drive_round(1, 1.7, MOUNT)
     lap = next(
         i
         for i, stop in enumerate(stops)
