@@ -6,10 +6,13 @@
     python3 infant_bridge.py --rover rover1 --connect tcp/192.168.1.20:7448
 
 CDR goes through untouched; with --frame-prefix messages are read and written again with their frames renamed. The grid
-comes from `infant map live`, where that runs.
+comes from `infant map live`, where that runs. A pose on initialpose, as RViz sends it, becomes the rover's command
+initial_pose; its answer is one line on standard error.
 """
 
 import argparse
+import json
+import math
 import queue
 import re
 import signal
@@ -33,6 +36,8 @@ TOPICS = {  # last word of the key: topic, type, reliable, latched, depth
 }
 WAKE_S = 0.2
 ASK_S = 2.0
+INITIAL_POSE = ("initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+ANSWER_BYTES = 10_000
 
 
 def arguments() -> argparse.Namespace:
@@ -64,6 +69,42 @@ def rename(message: Any, prefix: str) -> None:
     for name in ("transforms", "markers", "poses"):
         for part in getattr(message, name, ()):
             rename(part, prefix)
+
+
+def words_of(message: Any, prefix: str) -> str:
+    """X,Y,YAW,SIGMA_M,SIGMA_RAD of a pose in the map; without the last two where its covariance is zero.
+
+    Raises ValueError with a sentence where the frame is another one.
+    """
+    frame, map_frame = str(message.header.frame_id).lstrip("/"), prefix + "/map" if prefix else "map"
+    if frame not in ("", "map", map_frame):
+        raise ValueError("is in the frame " + repr(frame) + ", expected " + repr(map_frame))
+    at, turn = message.pose.pose.position, message.pose.pose.orientation
+    yaw = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
+    words, spread = [at.x, at.y, yaw], [float(value) for value in message.pose.covariance]
+    if any(spread) and all(map(math.isfinite, spread)):
+        half, cross = 0.5 * (spread[0] + spread[7]), 0.5 * (spread[1] + spread[6])
+        largest = half + math.hypot(0.5 * (spread[0] - spread[7]), cross)
+        words += [math.sqrt(max(largest, 0.0)), math.sqrt(max(spread[35], 0.0))]
+    return ",".join(f"{word:.9g}" for word in words)
+
+
+def tell(session: Any, rover: str, words: str) -> str:
+    """Tell the rover where it is; what it answers."""
+    key = "infant/" + rover + "/command/initial_pose"
+    for reply in session.get(key, payload=words.encode(), timeout=ASK_S):
+        said = reply.ok or reply.err
+        if said is not None and len(said.payload) <= ANSWER_BYTES:
+            with suppress(ValueError, RecursionError):
+                answer = json.loads(said.payload.to_bytes())
+                if isinstance(answer, dict):
+                    reason = "".join(c for c in str(answer.get("reason", "")) if c.isprintable())
+                    return (
+                        "the rover searches its map there" if answer.get("accepted") is True else "refused: " + reason
+                    )
+    return (
+        "refused: " + rover + " does not answer; is publish.commands on, and does its access rule allow this computer?"
+    )
 
 
 class Bridge:
@@ -110,8 +151,25 @@ def session_of(zenoh: Any, options: argparse.Namespace) -> Any:
         sys.exit("infant_bridge: " + options.connect + ": no connection (" + str(error) + "); give --connect")
 
 
-def follow(zenoh: Any, session: Any, rover: str, bridge: Bridge, stop: threading.Event) -> None:
-    """Until `stop`: what the rover says, and where its laser sits, asked for whenever the rover comes."""
+def follow(zenoh: Any, session: Any, rover: str, node: Any, bridge: Bridge, stop: threading.Event) -> None:
+    """Until `stop`: what the rover says, where its laser sits, asked for whenever the rover comes, and the poses that
+    it is told.
+    """
+    import rclpy  # type: ignore[import-not-found]
+
+    def ask(words: str) -> None:
+        sys.stderr.write("initial pose " + words + ": " + tell(session, rover, words) + "\n")
+
+    def told(message: Any) -> None:
+        try:
+            words = words_of(message, bridge.prefix)
+        except ValueError as error:
+            sys.stderr.write("initial pose: " + str(error) + "\n")
+            return
+        threading.Thread(target=ask, args=(words,), daemon=True).start()  # what the rover says goes on meanwhile
+
+    topic, type_name = INITIAL_POSE
+    node.create_subscription(message_class(type_name), topic, told, 1)
     waiting: queue.Queue[tuple[str, bytes]] = queue.Queue(500)
     came = threading.Event()
     below = "infant/" + rover + "/"
@@ -136,6 +194,7 @@ def follow(zenoh: Any, session: Any, rover: str, bridge: Bridge, stop: threading
             for reply in session.get(below + "tf_static", timeout=ASK_S):
                 if reply.ok is not None:
                     bridge.send("tf_static", reply.ok.payload.to_bytes())
+        rclpy.spin_once(node, timeout_sec=0.0)
         with suppress(queue.Empty):
             bridge.send(*waiting.get(timeout=WAKE_S))
 
@@ -144,7 +203,7 @@ def main() -> None:
     """Follow one rover until a signal."""
     options = arguments()
     try:
-        import rclpy  # type: ignore[import-not-found]
+        import rclpy
         from rclpy.signals import SignalHandlerOptions  # type: ignore[import-not-found]
     except ImportError as error:
         sys.exit("infant_bridge: no ROS 2 here (" + str(error) + "); source /opt/ros/DISTRIBUTION/setup.bash first")
@@ -163,7 +222,7 @@ def main() -> None:
     node = rclpy.create_node("infant", namespace=namespace)
     try:
         with session_of(zenoh, options) as session:
-            follow(zenoh, session, options.rover, Bridge(node, prefix), stop)
+            follow(zenoh, session, options.rover, node, Bridge(node, prefix), stop)
     finally:
         node.destroy_node()
         rclpy.try_shutdown()

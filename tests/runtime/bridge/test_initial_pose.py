@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from runtime.bridge import rclpy_node
 from runtime.bridge.initial_pose import words_of
 from runtime.bridge.ros2 import BridgeOptions, bridge_ros2
 from runtime.commands import Command, command_of, parse_prior
@@ -41,6 +42,7 @@ def test_a_click_says_where_the_rover_is_and_how_well_that_is_known(frame: str) 
     told = parse_prior(words_of(message(frame), Frames("r1")))
     np.testing.assert_allclose(told.pose.as_array(), (3.0, -2.0, 1.0), atol=1e-8)
     np.testing.assert_allclose((told.sigma_m, told.sigma_rad), (0.5, 0.0685**0.5), atol=1e-8)
+    assert rclpy_node.words_of(message(frame), "r1") == words_of(message(frame), Frames("r1"))
     by_default = parse_prior(words_of(message(frame, covariance=np.zeros(36)), Frames("r1")))
     assert by_default.sigma_m == parse_prior("0,0,0").sigma_m
 
@@ -57,6 +59,11 @@ def test_a_click_says_where_the_rover_is_and_how_well_that_is_known(frame: str) 
 def test_what_makes_no_sense_is_one_sentence(odd: dict[str, Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         words_of(message(**odd), Frames("r1"))
+
+
+def test_the_file_for_machines_with_ros_refuses_another_frame_as_well() -> None:
+    with pytest.raises(ValueError, match="in the frame 'odom', expected 'r1/map'"):
+        rclpy_node.words_of(message("odom"), "r1")
 
 
 def answers(port: int) -> bool:

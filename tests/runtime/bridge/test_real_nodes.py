@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,6 +25,7 @@ FILE = ROOT / "runtime" / "bridge" / "rclpy_node.py"
 TOPICS = {"scan", "pose", "odom", "map", "landmarks", "particles", "path", "/diagnostics"}
 LISTEN_S = "12"
 DOMAIN = "177"
+CLICK = "3,-2,0,0.5,0.25"
 
 
 @pytest.fixture(scope="module", params=["jazzy", "kilted"])
@@ -57,14 +59,16 @@ def answers(endpoint: str) -> bool:
 
 
 @contextmanager
-def started(*words: str, **environment: str) -> Iterator[None]:
-    process = subprocess.Popen(words, cwd=ROOT, env=os.environ | environment, stdout=subprocess.DEVNULL)
-    try:
-        yield
-        assert process.poll() is None, f"{words} ended by itself"
-    finally:
-        process.send_signal(signal.SIGTERM)
-        process.wait(60)
+def started(*words: str, **environment: str) -> Iterator[Path]:
+    """What it says goes into a file."""
+    with tempfile.NamedTemporaryFile() as said:
+        process = subprocess.Popen(words, cwd=ROOT, env=os.environ | environment, stdout=said, stderr=subprocess.STDOUT)
+        try:
+            yield Path(said.name)
+            assert process.poll() is None, f"{words} ended by itself"
+        finally:
+            process.send_signal(signal.SIGTERM)
+            process.wait(60)
 
 
 def heard(ros_python: Path) -> dict[str, Any]:
@@ -78,10 +82,12 @@ def heard(ros_python: Path) -> dict[str, Any]:
 
 def test_a_real_node_that_comes_late_receives_every_topic_from_dds(rover: str, ros_python: Path) -> None:
     words = ("bridge", "ros2", "--connect", rover, "--domain", DOMAIN)
-    with started(sys.executable, "-m", "runtime.cli", *words):
+    with started(sys.executable, "-m", "runtime.cli", *words) as said:
         assert until(lambda: "map" in heard(ros_python)["found"]), "no map within two minutes"
-        told = heard(ros_python)
+        told, refused = heard(ros_python), said.read_text()
     assert told["found"].keys() >= TOPICS
+    assert CLICK in refused
+    assert "does not answer" in refused, "this rover takes no commands"
     assert told["found"]["scan"]["frame"] == "mock/laser"
     assert told["found"]["odom"]["child"] == "mock/base_link"
     assert told["found"]["odom"]["covariance"] >= 0.0
@@ -91,8 +97,9 @@ def test_a_real_node_that_comes_late_receives_every_topic_from_dds(rover: str, r
 def test_a_real_node_receives_the_same_from_the_file_for_machines_with_ros(rover: str, ros_python: Path) -> None:
     environment = {"ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "PYTHONPATH": ""}
     words = ("--rover", "mock", "--connect", rover, "--frame-prefix", "")
-    with started(str(ros_python), str(FILE), *words, **environment):
+    with started(str(ros_python), str(FILE), *words, **environment) as said:
         assert until(lambda: "path" in heard(ros_python)["found"]), "nothing within two minutes"
-        told = heard(ros_python)
+        told, refused = heard(ros_python), said.read_text()
+    assert f"{CLICK}: refused: mock does not answer" in refused, "this rover takes no commands"
     assert told["found"].keys() >= TOPICS - {"map"}  # the map is `infant map live`'s
     assert told["found"]["scan"]["frame"] == "laser"

@@ -8,6 +8,7 @@ import json
 import sys
 import time
 from importlib import import_module
+from typing import Any
 
 import rclpy  # type: ignore[import-not-found]
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # type: ignore[import-not-found]
@@ -29,6 +30,16 @@ TOPICS = {  # type, reliable, latched: as nav2 and rviz subscribe
 def stamp_of(message: object) -> float:
     stamp = message.header.stamp  # type: ignore[attr-defined]
     return float(stamp.sec + stamp.nanosec * 1e-9)
+
+
+def click(message: Any) -> Any:
+    """As RViz sends it: 3 m, -2 m, straight ahead, known to 0.5 m and 0.25 rad."""
+    message.header.frame_id = "map"
+    message.pose.pose.position.x, message.pose.pose.position.y = 3.0, -2.0
+    message.pose.pose.orientation.w = 1.0
+    message.pose.covariance[0] = message.pose.covariance[7] = 0.25
+    message.pose.covariance[35] = 0.0625
+    return message
 
 
 def main() -> None:
@@ -69,8 +80,13 @@ def main() -> None:
         qos.reliability = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
         qos.durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
         node.create_subscription(message_type, topic, lambda message, topic=topic: hear(topic, message), qos)
+    pose_type = import_module("geometry_msgs.msg").PoseWithCovarianceStamped
+    clicks, clicked_s = node.create_publisher(pose_type, "initialpose", 1), began_s
     while time.monotonic() - began_s < seconds:
         rclpy.spin_once(node, timeout_sec=0.2)
+        if time.monotonic() - clicked_s > 1.0:
+            clicks.publish(click(pose_type()))
+            clicked_s = time.monotonic()
     known = dict(node.get_topic_names_and_types())
     gaps = [b - a for a, b in itertools.pairwise(stamps)]
     print(  # noqa: T201
