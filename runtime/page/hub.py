@@ -4,7 +4,7 @@ import asyncio
 import json
 import threading
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 
 from drivers.stoppable_thread import StoppableThread
 from runtime.errors import ConfigurationError
@@ -29,6 +29,8 @@ class Hub:
         self._lock = threading.Lock()
         self._beat, self._number = b"null", 0
         self._thread = StoppableThread("rover", self._run)
+        self.is_ending: Callable[[], bool] = lambda: False
+        """Whether the server is about to end: then no viewer is kept."""
 
     def start(self) -> None:
         """Begin to listen."""
@@ -72,7 +74,7 @@ class Hub:
         """Server-sent events for one viewer: beat, and the growth of cells and path since the last one."""
         generation, cells, path, number = -1, 0, 0, -1
         idle_s = 0.0
-        while not self._thread.was_stopped:
+        while not (self._thread.was_stopped or self.is_ending()):
             with self._lock:
                 state, beat = self._state, self._beat
                 fresh, number = number != self._number, self._number

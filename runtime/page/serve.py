@@ -71,6 +71,7 @@ def serve_page(options: ServeOptions, stop: threading.Event, said: TextIO) -> di
             h11_max_incomplete_event_size=16 << 10,
         )
     )
+    hub.is_ending = lambda: server.should_exit
     hub.start()
     threading.Thread(target=_end_with, args=(stop, server), daemon=True).start()
     url = f"http://{_in_url(options.host)}:{port}/"

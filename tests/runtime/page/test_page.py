@@ -3,8 +3,12 @@
 import asyncio
 import json
 import re
+import signal
 import socket
+import subprocess
+import sys
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,10 +31,11 @@ from runtime.record.mcap_file import RecordFile
 from runtime.ros2.laser_scan import scan_bytes
 from runtime.ros2.poses import pose_bytes
 from runtime.ros2.vehicle import Vehicle
+from runtime.source_tree import ROOT
 from slam.settings.slam import MountSettings
 from tests.support.drivers.raising import raise_in
 from tests.support.runtime.drawn_drive import MOUNT, YARD_M, completed_ticks
-from tests.support.zenoh.wire import free_port, opened, publishing, settings_on, until
+from tests.support.zenoh.wire import free_port, opened, publishing, put_ticks, settings_on, until
 
 pytest.importorskip("starlette", reason="starlette is not installed; make test installs it")
 from runtime.page import server
@@ -258,3 +263,30 @@ def test_whatever_is_raised_in_the_thread_that_hears_the_rover_it_hears_on(caplo
         assert until(lambda: hub._number > number, 60.0)
         hub.close()
     assert "OutOfNowhere" in caplog.text
+
+
+def test_it_ends_quietly_while_somebody_watches() -> None:
+    rover_port, port = free_port(), free_port()
+    with publishing(settings_on(rover_port)) as publisher:
+        assert opened(publisher)
+        put_ticks(publisher, range(3), 0.0)
+        words = ("page", "--connect", f"tcp/127.0.0.1:{rover_port}", "--port", str(port))
+        page = subprocess.Popen(
+            [sys.executable, "-m", "runtime.cli", *words], cwd=ROOT, stderr=subprocess.PIPE, text=True
+        )
+
+        viewers: list[socket.socket] = []
+
+        def watches() -> bool:
+            with suppress(OSError):
+                viewers.append(socket.create_connection(("127.0.0.1", port), 1.0))
+            return bool(viewers)
+
+        assert until(watches, 60.0)
+        viewers[0].sendall(b"GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert b"text/event-stream" in viewers[0].recv(4096)
+        page.send_signal(signal.SIGTERM)
+        _, said = page.communicate(timeout=60)
+        viewers[0].close()
+    assert "Traceback" not in said
+    assert page.returncode == 0, said
