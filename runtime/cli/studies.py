@@ -55,7 +55,13 @@ def paper(
     ] = 20,
     sets: Annotated[list[str] | None, typer.Option("--sets", metavar="SET...", help="places: only these")] = None,
     data: Annotated[
-        Path, typer.Option("--data", envvar="INFANT_DATA", help="folder of the public recordings")
+        Path,
+        typer.Option(
+            "--data",
+            envvar="INFANT_DATA",
+            help="folder of the public recordings",
+            show_default="shared/data next to the source tree",
+        ),
     ] = SHARED_DATA,
     scheduler: Scheduler = "local",
     as_json: AsJson = False,

@@ -33,12 +33,12 @@ class SquaredErrors:
     @property
     def rms_m(self) -> float | None:
         """None without any."""
-        return round(math.sqrt(self.sum_m2 / self.count), 4) if self.count else None
+        return math.sqrt(self.sum_m2 / self.count) if self.count else None
 
     @property
     def largest_m(self) -> float | None:
         """None without any."""
-        return round(math.sqrt(self.largest_m2), 4) if self.count else None
+        return math.sqrt(self.largest_m2) if self.count else None
 
 
 @dataclass(slots=True)

@@ -17,11 +17,11 @@ def test_what_is_no_small_file_is_refused_and_keeps_nobody_waiting(tmp_path: Pat
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "link").symlink_to(tmp_path / "file")
     refusals = {
-        tmp_path / "file": "more than 5 bytes",
+        tmp_path / "file": "more than the 5 bytes",
         tmp_path / "pipe": "not a regular file",
         tmp_path: "not a regular file",
         Path("/dev/zero"): "not a regular file",
-        Path("/proc/self/mountinfo"): "more than 5 bytes",  # says of itself that it is empty
+        Path("/proc/self/mountinfo"): "more than the 5 bytes",  # says of itself that it is empty
     }
     for path, why in refusals.items():
         with pytest.raises(OSError, match=why):

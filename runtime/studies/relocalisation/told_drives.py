@@ -12,7 +12,7 @@ from runtime.importers.sightings import seen as seen_in
 from runtime.importers.ticks import ticks
 from runtime.importers.wheel_streams import wheel_samples
 from runtime.studies.paper.drives.arms import PROPOSED
-from runtime.studies.paper.drives.feature_drive import feature_settings
+from runtime.studies.paper.drives.feature_drive import SIGHT, feature_settings
 from runtime.studies.paper.drives.feature_vote import FeatureVote
 from runtime.studies.paper.drives.worlds import FeatureDrive, WorldKind, feature_world
 from runtime.studies.places.recordings import archive_of, prepared
@@ -24,7 +24,6 @@ from slam.observations import usable_rows
 from slam.odometry.odometry import Odometry
 from slam.relocalise.local_map import ScanSeen, ScanTaken
 from slam.settings.slam import SlamSettings
-from slam.visibility import NO_SIGHT
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +88,7 @@ def told_features(drive: FeatureDrive) -> ToldDrive:
         rows = usable_rows(vote(features, odometry.odom_from_body), settings.view.range_max_m, 0.0)
         mean, covariance = increment.mean, increment.covariance
         at_rest = not (covariance.any() or mean.any())
-        seen.append(ScanSeen(step.stamp_ns, mean, covariance, rows, NO_SIGHT, None, at_rest))
+        seen.append(ScanSeen(step.stamp_ns, mean, covariance, rows, SIGHT, None, at_rest))
     start = drive.steps[0].truth.inverse()
     poses = np.array([(start @ step.truth).as_array() for step in drive.steps])
     return ToldDrive(settings, tuple(seen), poses, (), {})

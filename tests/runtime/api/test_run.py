@@ -90,7 +90,7 @@ def test_arrays_are_copied_and_what_is_out_of_range_is_no_return() -> None:
         ({"scan_stamps_ns": [0.1]}, "scan_stamps_ns has the type float64"),
         ({"scan_stamps_ns": [[1]]}, "expected integers in ns"),
         ({"ranges_m": [[1.0, 2.0]]}, r"ranges_m has the shape \(1, 2\)"),
-        ({"wheel_stamps_ns": [2, 2], "wheel_counts": [[0, 0], [0, 0]]}, "wheel_stamps_ns must rise"),
+        ({"wheel_stamps_ns": [2, 2], "wheel_counts": [[0, 0], [0, 0]]}, "wheel_stamps_ns must increase"),
         ({"wheel_counts": [[0]]}, r"wheel_counts has the shape \(1, 1\)"),
         ({"wheel_counts": [[0, np.nan]]}, "must be finite"),
         ({"scan_stamps_ns": [1 << 62]}, "reaches beyond"),
