@@ -168,10 +168,11 @@ class Estimator:
         # the joint Gaussian, whose pose is published, and whether it can be believed
         confidence = Confidence(self._quality.settled_before, self._quality.map_is_kept)
         matched = self._joint.observe(rows, outcome.matches, sight, confidence, arrived, laid is not None)
-        if laid is not None and not self._quality.is_doubted:
-            self._keyframes.keep(laid)
         evidence, lies = self._joint.evidence, False
-        self._view.learn(evidence.found, evidence.missed)
+        if not self._quality.is_doubted:
+            self._view.learn(evidence.found, evidence.missed)
+            if laid is not None:
+                self._keyframes.keep(laid)
         if laid is not None and self._quality.doubts(evidence):
             lies = self._keyframes.lies_on(laid, self._quality.settled_before)
         self._quality.add(scan.stamp_ns, evidence, seen_share, lies_on_map=lies)

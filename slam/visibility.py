@@ -13,7 +13,7 @@ from slam.observations import FeatureRows, Sighting
 from slam.settings.tuning import Tuning
 
 MISSED_SPACING_M = 0.25  # what is thinner than a trunk falls between beams that are farther apart
-SIGHTING_STEP_RAD = math.radians(2.0)
+SIGHTING_STEP_RAD = math.radians(2.0)  # between the rays that stand for its view
 SIGHTING_SHARE = 0.9  # of the farthest sighting: what stands so near is in reach
 SIGHTING_EDGE_RAD = math.radians(5.0)  # inside the outermost sighting
 FIRST_LOOKS, FIRST_FINDS = 40.0, 30.0  # what is presumed of a sensor that reports things

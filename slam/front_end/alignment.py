@@ -41,6 +41,7 @@ SLIPPED = np.diag((0.15, 0.15, 0.1)) ** 2  # m^2, rad^2, of the motion by wheels
 TURNED_STARTS = 9  # headings, where the scan lies worse than usual at those that the wheels admit
 SLIP_SHARE = 0.7  # so many points are on surfaces then
 SLIP_GAIN = 0.05  # and so many more than by the wheels' motion
+LATEST = 2  # scans with which a walker could be mistaken for what stands
 POOR_SHARE = 0.25  # so many points fewer than usual on surfaces say that the best motion near the wheels' is wrong too
 WIDE_PAUSE_NS = 1_000_000_000  # between two searches far from where the wheels say: each costs some milliseconds
 
@@ -174,7 +175,7 @@ class Alignment:
         if not only_if_slipped:
             self._trust.compare(off, covariance, refined)
         contradicts = not square <= (SUSPECT_SQUARE if only_if_slipped else WIDEST_SQUARE)  # also where it is NaN
-        if contradicts and not self._have_slipped(search, prior, count):
+        if contradicts and not self._have_slipped(search, prior, motion, count):
             return increment
         if only_if_slipped and (increment.at_rest or not contradicts):  # at rest, what moves is the door
             return increment
@@ -217,10 +218,17 @@ class Alignment:
         mean[2] = wrap_rad(float(mean[2]))
         return replace(increment, mean=mean, covariance=0.5 * (covariance + covariance.T), at_rest=False)
 
-    def _have_slipped(self, search: Search, by_wheels: FloatArray, count: int) -> bool:
-        """Whether a motion that contradicts the wheels is clearly the better one: wheels slip, and tyres lose grip."""
-        points = len(search.points_m)
-        return count >= SLIP_SHARE * points and count - search.on_surfaces(by_wheels) >= SLIP_GAIN * points
+    def _have_slipped(self, search: Search, by_wheels: FloatArray, motion: FloatArray, count: int) -> bool:
+        """Whether a motion that contradicts the wheels is clearly the better one: wheels slip, and tyres lose grip.
+
+        On the older scans, too: since then a walker nearby has moved on, and what stands has not.
+        """
+        least, older = SLIP_GAIN * len(search.points_m), search.older(LATEST)
+        return (
+            count >= SLIP_SHARE * len(search.points_m)
+            and count - search.on_surfaces(by_wheels) >= least
+            and older.on_surfaces(motion) - older.on_surfaces(by_wheels) >= least
+        )
 
     def _references(self) -> list[SeenFrom]:
         """The scan before, and older ones ever farther apart: what they see longest ties the path together."""

@@ -69,6 +69,14 @@ class Search:
         posterior, count, _ = self._descend(wheels, motion, 1, np.full(FINAL_STEPS, GATE_LAST_M))
         return motion, posterior, count
 
+    def older(self, latest: int) -> "Search":
+        """The same without the latest of the earlier scans, where there are others."""
+        past = self.past
+        if len(past.points_m) <= latest:
+            return self
+        older = (past.points_m[latest:], past.normals[latest:], past.from_start[latest:])
+        return Search(self.points_m, past._replace(points_m=older[0], normals=older[1], from_start=older[2]))
+
     def on_surfaces(self, motion: FloatArray) -> int:
         """How many points lie within the last gate of a surface under a motion (3,)."""
         count, _ = normal_equations(self.points_m, 1, self.past, motion, GATE_LAST_M, np.zeros((3, 3)), np.zeros(3))

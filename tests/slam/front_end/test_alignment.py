@@ -244,6 +244,20 @@ def test_good_wheels_are_not_overruled_by_people_who_walk_where_nothing_else_sta
     assert alignment.refined == 0
 
 
+def test_a_walker_close_by_is_no_slip_of_the_wheels() -> None:
+    """A park with hedges: what moves along with a walker lies better on the last scan, and worse on older ones."""
+    world = WorldSettings(seed=3)
+    odometry, alignment = (
+        Odometry(OdometrySettings()),
+        Alignment(FrontEndSettings(), Pose2(*world.laser.body_from_laser)),
+    )
+    for tick in simulated_ticks(world, 30.0):
+        assert tick.scan is not None
+        odometry.add(tick.wheels)
+        alignment.refine(tick.scan, odometry.take_until(tick.scan.stamp_ns))
+    assert alignment.refined == 0
+
+
 def test_the_same_scans_give_the_same_bits(stops: list[Stop]) -> None:
     _, first, _ = refined(stops[:30], settings_of())
     _, second, _ = refined(stops[:30], settings_of())
