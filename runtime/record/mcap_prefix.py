@@ -8,6 +8,7 @@ every byte of a file that was cut off counts too, the recorder writes a metadata
 after each chunk: the CRC-32 of all bytes before it.
 """
 
+import re
 import struct
 import zlib
 from collections.abc import Collection, Iterator
@@ -17,7 +18,8 @@ from typing import BinaryIO, NamedTuple
 import zstandard
 
 MAGIC = b"\x89MCAP0\r\n"
-FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA, DATA_END = 2, 3, 4, 5, 6, 9, 12, 15
+HEADER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, ATTACHMENT, METADATA, DATA_END = 1, 3, 4, 5, 6, 7, 9, 12, 15
+OUTSIDE_CHUNKS = frozenset((HEADER, CHUNK, INDEX, ATTACHMENT, METADATA, DATA_END))
 LARGEST_RECORD_BYTES = 32 << 20  # of any record and of what a chunk unpacks to: 100 times what is written
 LARGEST_PACKING = 200  # a recorded chunk unpacks to 1.2 to 20 times its bytes
 SMALL_CHUNK_BYTES = 64 << 10  # which may be packed in any way
@@ -29,7 +31,11 @@ BLOCK_BYTES = 1 << 20
 RECORD_HEAD = struct.Struct("<BQ")
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 CHUNK_HEAD = struct.Struct("<QQQI")
+PACKED_HEAD = struct.Struct("<QQQI8sQ")  # of a chunk too, up to the bytes that are packed
+ZSTD = b"\x04\0\0\0zstd"
+INDEX_HEAD = struct.Struct("<HI")
 CHECKPOINT = "checkpoint"
+WHOLE_CHECKPOINT = re.compile(rb"checkpoint.{4}\x05\0{3}crc32\x08\0{3}[0-9a-f]{8}", re.DOTALL)
 
 
 def checkpoint(crc: int) -> dict[str, str]:
@@ -114,13 +120,15 @@ class McapPrefix:
             if len(head) < RECORD_HEAD.size:
                 raise self._cut_off("the file ends early")
             opcode, length = RECORD_HEAD.unpack(head)
-            if opcode == 0 or (length > LARGEST_RECORD_BYTES and length > self.size):
+            if opcode not in OUTSIDE_CHUNKS or (length > LARGEST_RECORD_BYTES and length > self.size):
                 raise DamageError(self.offset, "no record begins")
             if length > LARGEST_RECORD_BYTES:
                 raise self._foreign(
                     f"a record of {length} bytes, more than the {LARGEST_RECORD_BYTES} that are allowed"
                 )
             body = stream.read(length)
+            if not _can_be_as_long(opcode, length, body):
+                raise DamageError(self.offset, "a record with a wrong length")
             if len(body) < length:
                 raise self._cut_off("the last record is torn")
             if opcode == DATA_END:
@@ -225,6 +233,22 @@ class McapPrefix:
         self._schemas[schema] = (name, encoding, data[position + 4 : position + 4 + size])
 
 
+def _can_be_as_long(opcode: int, length: int, body: bytes) -> bool:
+    """Whether a record begins like this and has this length; body: what of it lies in the file.
+
+    A length that was changed must not pass for the torn end of a killed run: all after it would be lost unsaid.
+    """
+    if opcode == DATA_END:
+        return length == struct.calcsize("<I")
+    if opcode == INDEX and len(body) >= INDEX_HEAD.size:
+        _, size = INDEX_HEAD.unpack_from(body)
+        return length == INDEX_HEAD.size + int(size)
+    if opcode == CHUNK and len(body) >= PACKED_HEAD.size:
+        *_, compression, packed = PACKED_HEAD.unpack_from(body)
+        return bool(compression != ZSTD or length == PACKED_HEAD.size + packed)
+    return len(body) == length or WHOLE_CHECKPOINT.search(body) is None
+
+
 def _chunk_data(body: bytes) -> bytes:
     """Uncompressed records of a chunk. Raises ValueError when they are not what was written."""
     _, _, size, crc = CHUNK_HEAD.unpack_from(body)
@@ -259,6 +283,8 @@ def _metadata(body: bytes) -> tuple[str, dict[str, str]]:
     while position < end:
         key, position = _text(body, position)
         values[key], position = _text(body, position)
+    if not position == end == len(body):
+        raise ValueError("the metadata do not end with their record")
     return name, values
 
 
