@@ -2,17 +2,19 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from drivers.measurements import SensorHealth
 from runtime.printable import printable
+
+if TYPE_CHECKING:
+    from drivers.measurements import SensorHealth
 
 USUAL = ("scans", "connections", "bus.sessions")  # counters that grow when all is well
 USUAL_PREFIX = "no_range_"  # beams that met nothing
 NAMED = ("model", "firmware", "serial_number", "advice")
 
 
-def sensor_object(sensor: SensorHealth) -> dict[str, Any]:
+def sensor_object(sensor: "SensorHealth") -> dict[str, Any]:
     """One sensor as JSON can hold it: a figure that is not known yet is null."""
     figures = {key: round(value, 4) if math.isfinite(value) else None for key, value in sensor.figures.items()}
     return {

@@ -49,7 +49,7 @@ def _tell_progress(
     while not stop.is_set():
         done = min(total, sum(1 for _ in cache.rglob("*.nbi")))
         if done != shown:
-            tell(f"starting: compiling kernels {done} of {total} (once after each change of the program)")
+            tell(f"starting: compiling kernels {done} of {total} (once after each change of the program; Ctrl-C ends)")
             shown = done
         with contextlib.suppress(subprocess.TimeoutExpired):
             compiling.wait(POLL_S)

@@ -7,7 +7,7 @@ from typing import TextIO
 from drivers.stoppable_thread import StoppableThread
 from runtime.health import Health
 from runtime.printable import printable
-from runtime.tick import CompletedTick
+from runtime.tick import CompletedTick, Tick
 
 TERMINAL_PERIOD_S = 0.5
 LOG_PERIOD_S = 10.0
@@ -21,6 +21,7 @@ class StatusLine:
         self._stream = stream
         self._terminal = stream.isatty()
         self._latest: tuple[CompletedTick, Health] | None = None
+        self._counted: Tick | None = None
         self._thread = StoppableThread("status-line", self._show)
 
     def start(self) -> None:
@@ -28,7 +29,9 @@ class StatusLine:
         self._thread.start()
 
     def note(self, completed: CompletedTick, health: Health) -> None:
-        """The tick to show next; one assignment, so it costs the loop nothing."""
+        """The tick to show next; two assignments, so it costs the loop nothing."""
+        if self._counted is None:
+            self._counted = completed.tick
         self._latest = (completed, health)
 
     def close(self) -> None:
@@ -53,13 +56,11 @@ class StatusLine:
             latest = self._latest
             if latest is None or latest is shown:
                 continue
-            rate_hz = 0.0
-            if shown is not None:
-                now, before = latest[0].tick, shown[0].tick
-                rate_hz = (now.seq - before.seq) * 1e9 / max(1, now.stamp_ns - before.stamp_ns)
+            now, before = latest[0].tick, self._counted or latest[0].tick
+            rate_hz = (now.seq - before.seq) * 1e9 / max(1, now.stamp_ns - before.stamp_ns)
             text = printable(status_text(*latest, rate_hz), LONGEST)
             self.write(f"\r\x1b[K{text}" if self._terminal else f"{text}\n")
-            shown = latest
+            shown, self._counted = latest, now
 
 
 def status_text(completed: CompletedTick, health: Health, rate_hz: float) -> str:

@@ -8,8 +8,6 @@ from typing import Any
 
 import zenoh
 
-from runtime.commands import Command
-
 LARGEST_MESSAGE = 64 << 10  # bytes; a command's reason has 4 kB
 MOST_SESSIONS = 64
 IDENTITIES = ("cert_common_names", "usernames")  # of a subject; zids are claims
@@ -67,6 +65,8 @@ def command_trouble(config: zenoh.Config, rover: str) -> str:
 
 def _lets_command(rule: dict[str, Any], rover: str) -> bool:
     """Whether a rule allows questions on the keys of this rover's commands to come in."""
+    from runtime.commands import Command  # loads numpy, which nobody needs who only asks how a rover is
+
     flows = rule["flows"] or ["ingress"]  # none named: both
     if rule["permission"] != "allow" or "query" not in rule["messages"] or "ingress" not in flows:
         return False

@@ -7,14 +7,16 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import islice
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import zenoh
 
 from runtime.publish.rover_status import believed
 from runtime.publish.session import tool_session
 from runtime.sensor_report import sensor_lines
-from runtime.settings.configuration import Configuration
+
+if TYPE_CHECKING:
+    from runtime.settings.configuration import Configuration
 
 Status = dict[str, Any]
 
@@ -161,7 +163,7 @@ def host_name() -> str:
     return socket.gethostname()[:LONGEST_HOST]
 
 
-def named(configuration: Configuration) -> Configuration:
+def named(configuration: "Configuration") -> "Configuration":
     """With the name of this machine where the file gives the rover none; two rovers do not share a default."""
     if "rover" in configuration.model_fields_set:
         return configuration

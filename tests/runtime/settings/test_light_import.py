@@ -38,7 +38,8 @@ def test_help_and_a_check_of_a_file_load_only_what_they_need(program: str, also:
 
 
 def test_the_state_of_a_rover_loads_only_what_it_needs() -> None:
-    names = tuple(name for name in (*HEAVY, *UNUSED, "rosbags", "mcap") if name != "zenoh")
+    also = ("rosbags", "mcap", "numpy", "runtime.settings.configuration")
+    names = tuple(name for name in (*HEAVY, *UNUSED, *also) if name != "zenoh")
     assert loaded_by("import sys, runtime.publish.status", names) == set()
 
 
