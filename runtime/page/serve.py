@@ -40,6 +40,7 @@ def serve_page(options: ServeOptions, stop: threading.Event, said: TextIO) -> di
     with needs("starlette", "infant page"), needs("uvicorn", "infant page"):
         import uvicorn
 
+        from runtime.page.connections import BoundedConnection
         from runtime.page.hub import Hub
         from runtime.page.server import PageOptions, page_app
     if options.commands and not _is_loopback(options.host):
@@ -60,6 +61,7 @@ def serve_page(options: ServeOptions, stop: threading.Event, said: TextIO) -> di
     server = uvicorn.Server(
         uvicorn.Config(
             app,
+            http=BoundedConnection,
             log_level="error",
             access_log=False,
             server_header=False,
