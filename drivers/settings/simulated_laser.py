@@ -32,14 +32,14 @@ class LaserFault(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     kind: FaultKind
-    start_s: float = Field(0.0, ge=0.0, description="s after the device's start, or after injection")
-    duration_s: float | None = Field(None, gt=0.0, description="s; absent: until it is cleared")
+    start_s: float = Field(0.0, ge=0.0, le=86400.0, description="s after the device's start, or after injection")
+    duration_s: float | None = Field(None, ge=0.001, le=86400.0, description="s; absent: until it is cleared")
     status: str = Field(
         "0L", pattern=r"^(0L|0M|[2-8][0-9]|9[0-7])$", description="for status: its code; 0L and 50-97 need RB"
     )
-    delay_s: float = Field(0.3, gt=0.0, le=10.0, description="s, for delayed; well above the jitter of a network")
+    delay_s: float = Field(0.3, ge=0.001, le=10.0, description="s, for delayed; well above the jitter of a network")
     keep_every: int = Field(3, ge=2, le=100, description="for slow: one scan of so many is sent")
-    loss: float = Field(0.5, gt=0.0, le=1.0, description="for intermittent: share of messages lost")
+    loss: float = Field(0.5, ge=0.001, le=1.0, description="for intermittent: share of messages lost")
 
 
 LaserModel = Literal["UTM-X001S", "UTM-30LX", "UTM-30LX-EW", "UST-10LX", "UST-20LX", "URG-04LX", "UXM-30LX-E"]
@@ -81,5 +81,5 @@ class SimulatedLaserSettings(BaseModel):
     boot_s: float = Field(0.4, ge=0.0, le=60.0, description="s from power-on until it listens; real ones take over 2 s")
     reboot_disconnect_s: float = Field(0.2, ge=0.0, le=5.0, description="s from RB until the link drops; real ones 1 s")
     pace: float = Field(1.0, ge=0.1, le=100.0, description="how many times faster than real time it turns; for tests")
-    seed: int = Field(1, ge=0, description="for faults that strike at random")
+    seed: int = Field(1, ge=0, le=2**32 - 1, description="for faults that strike at random")
     faults: tuple[LaserFault, ...] = Field((), description="faults that come by themselves")

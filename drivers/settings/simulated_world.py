@@ -1,9 +1,11 @@
 """What the simulated world is made of, how the rover drives through it, and what its laser measures."""
 
 import math
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
+
+Distance = Annotated[float, Field(ge=-1000.0, le=1000.0)]
 
 
 class LaserGeometrySettings(BaseModel):
@@ -26,7 +28,7 @@ class LaserGeometrySettings(BaseModel):
     )
     revolution_s: float = Field(
         default=0.1,
-        gt=0.0,
+        ge=0.005,
         le=1.0,
         description="time of a full turn of the mirror, s; 10 Hz is the paper's rate",
     )
@@ -44,7 +46,7 @@ class LaserGeometrySettings(BaseModel):
         le=1.0,
         description="share of beams next to a range jump that return something between both",
     )
-    body_from_laser: tuple[float, float, float] = Field(
+    body_from_laser: tuple[Distance, Distance, Distance] = Field(
         default=(0.3, 0.0, 0.0), description="mount: x m, y m, heading rad of the laser in the body's frame"
     )
     upside_down: bool = Field(default=False, description="whether it hangs, so that its beams turn the other way")
@@ -78,9 +80,9 @@ class DriveSettings(BaseModel):
         le=600.0,
         description="time at rest before it starts, s; the map's heading comes from these scans",
     )
-    ramp_s: float = Field(default=1.5, gt=0.0, le=60.0, description="time from rest to cruising speed, s")
+    ramp_s: float = Field(default=1.5, ge=0.01, le=60.0, description="time from rest to cruising speed, s")
     tread_m: float = Field(default=0.5, gt=0.05, le=5.0, description="distance between the wheels, m; paper: 0.5")
-    corners_m: tuple[tuple[float, float], ...] = Field(
+    corners_m: tuple[tuple[Distance, Distance], ...] = Field(
         default=((4.0, 0.0), (4.0, 4.5), (0.0, 3.0), (-3.2, 5.4), (-4.0, 0.0)),
         min_length=3,
         description="corners of the closed course, m; it starts in the middle of the edge from the last to the "

@@ -54,7 +54,7 @@ class VehicleSettings(BaseModel):
     )
     wheel_base_m: float = Field(
         default=2.83,
-        gt=0.0,
+        ge=0.05,
         le=20.0,
         description="Distance from the rear axle to the steered one (steered only). Take it from the drawing",
     )

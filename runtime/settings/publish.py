@@ -2,8 +2,9 @@
 
 from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+LEAST_HZ = 0.01  # less is none, which 0 says
 Endpoint = Annotated[str, Field(pattern=r"^(tcp|udp|tls|quic|ws)/\S+:\d{1,5}(#\S*)?$")]
 """For example tcp/127.0.0.1:7447 or tls/router.example:7447."""
 
@@ -57,6 +58,13 @@ class PublishSettings(BaseModel):
         description="Obey commands (mark, save, stop, initial_pose) over zenoh; config_file must hold access rules "
         "that say who may send them. Turn it on if an operator is to send commands",
     )
+
+    @field_validator("scan_hz")
+    @classmethod
+    def _none_or_enough(cls, hz: float) -> float:
+        if 0.0 < hz < LEAST_HZ:
+            raise ValueError(f"0 for no scans, or at least {LEAST_HZ:g}")
+        return hz
 
     @model_validator(mode="after")
     def _commands_need_rules(self) -> Self:

@@ -10,6 +10,7 @@ from runtime.errors import ConfigurationError
 Tree = dict[str, Any]
 MISSING = object()
 HEADER = re.compile(r"\s*\[\s*([^\[\]#]+?)\s*\]\s*(#.*)?")
+SMALLEST, LARGEST = 1e-12, 1e12  # magnitudes of a number that somebody may mean; squares and inverses stay finite
 OLD = r"""([^\s#,}"']+|"[^"\n]*"|'[^'\n]*')"""
 
 
@@ -19,7 +20,7 @@ def copy_of(tree: Tree) -> Tree:
 
 
 def unusable(tree: Tree, deepest: int) -> str:
-    """Why a tree as it was read cannot hold settings, "" where it can: its depth, and control characters in texts."""
+    """Why a tree as it was read cannot hold settings, "" where it can: depth, control characters, numbers of no use."""
     waiting: list[tuple[str, Any, int]] = [("", tree, 0)]
     while waiting:
         name, value, depth = waiting.pop()
@@ -30,6 +31,11 @@ def unusable(tree: Tree, deepest: int) -> str:
             waiting += [(f"{name}.{key}".lstrip("."), each, depth + 1) for key, each in inner]
         if any(not character.isprintable() for character in (name, value) if isinstance(character, str)):
             return f"{name} = {value!r}: expected text without control characters; change it in the configuration"
+        if isinstance(value, float) and value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
+            return (
+                f"{name} = {value!r}: expected 0 or a magnitude of {SMALLEST:g} to {LARGEST:g}; "
+                "change it in the configuration"
+            )
     return ""
 
 

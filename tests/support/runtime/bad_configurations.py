@@ -96,8 +96,7 @@ def out_of_range(field: FieldInfo) -> Iterator[Any]:
         elif isinstance(limit, annotated_types.Lt):
             yield number(typing.cast(Any, limit.lt))
     if number is float and float in kinds(field):
-        yield math.inf
-        yield math.nan
+        yield from (math.inf, math.nan, 1e-300, 5e-324)
 
 
 def misspelt(name: str, rng: random.Random) -> str:

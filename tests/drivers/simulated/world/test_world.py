@@ -86,8 +86,8 @@ def test_a_beam_on_a_post_measures_the_distance_to_its_skin_from_where_the_laser
 
 
 def test_what_the_rover_does_during_a_sweep_is_seen_in_the_sweep() -> None:
-    still = LaserGeometrySettings(**{**EXACT.model_dump(), "revolution_s": 1e-9})
-    moving, frozen = World(WorldSettings(laser=EXACT)), World(WorldSettings(laser=still))
+    still = EXACT.model_copy(update={"revolution_s": 1e-9})
+    moving, frozen = World(WorldSettings(laser=EXACT)), World(WorldSettings().model_copy(update={"laser": still}))
     t = 9 * SECOND_NS
     swept, at_once = moving.ranges_at(t), frozen.ranges_at(t)
     both = np.isfinite(swept) & np.isfinite(at_once)
