@@ -8,6 +8,8 @@ from runtime.importers.parsing.inflation import Inflation
 
 GZIP = b"\x1f\x8b"
 BLOCK_BYTES = 1 << 16
+PACKED_BYTES_A_LINE = 2  # two lines of a log differ in their times: 3 and more were seen
+FREE_LINES = 100_000  # however well they are packed
 LINE_BYTES = 1 << 20  # a scan of 32768 beams has 300 kB; what is longer is no line of a log
 
 
@@ -43,7 +45,9 @@ class TextLines:
 
     def _inflated(self, blocks: Iterator[bytes]) -> Iterator[bytes]:
         """What comes out of one gzip member or several behind each other, up to where they are damaged."""
-        inflater, fresh, inflation = zlib.decompressobj(31), True, Inflation(self.source.stat().st_size)
+        packed_bytes = self.source.stat().st_size
+        inflater, fresh, inflation = zlib.decompressobj(31), True, Inflation(packed_bytes)
+        lines_left = FREE_LINES + packed_bytes // PACKED_BYTES_A_LINE
         for block in blocks:
             rest = block
             while rest.strip(b"\0") if fresh else rest:  # members may be padded by zeros
@@ -55,6 +59,12 @@ class TextLines:
                     return
                 except ValueError as error:
                     self.damage = str(error)
+                    return
+                lines_left -= inflated.count(b"\n")
+                if lines_left < 0:
+                    self.damage = (
+                        f"lines are packed into less than {PACKED_BYTES_A_LINE} bytes each, as those of no log"
+                    )
                     return
                 yield inflated
                 rest, fresh = inflater.unused_data if inflater.eof else inflater.unconsumed_tail, inflater.eof

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.importers.parsing.text_lines import TextLines
+from runtime.importers.parsing.text_lines import FREE_LINES, TextLines
 
 
 def read(path: Path, data: bytes) -> tuple[list[tuple[int, str, bool]], str]:
@@ -65,3 +65,19 @@ def test_a_file_that_unpacks_to_a_thousand_times_its_size_is_left_in_little_memo
     assert 0 < count < 1 << 15
     assert "more than 50 times their size" in lines.damage
     assert peak < 10 << 20
+
+
+def test_short_lines_that_pack_to_nothing_are_not_read_by_the_million(tmp_path: Path) -> None:
+    """A megabyte of them took a minute and a gigabyte; lines of a bus differ in their times at least."""
+    (tmp_path / "a.gz").write_bytes(gzip.compress(b"(1) c 201#\n" * 400_000, mtime=0))
+    lines = TextLines(tmp_path / "a.gz")
+    assert 0 < sum(1 for _ in lines) <= FREE_LINES + 20_000
+    assert "less than 2 bytes each" in lines.damage
+
+
+def test_a_log_of_frames_at_an_exact_rate_is_read_to_its_end(tmp_path: Path) -> None:
+    text = b"".join(b"(%d.%06d) can0 201#%016X\n" % (n // 1000, n % 1000 * 1000, n) for n in range(2 * FREE_LINES))
+    (tmp_path / "a.gz").write_bytes(gzip.compress(text, mtime=0))
+    lines = TextLines(tmp_path / "a.gz")
+    assert sum(1 for _ in lines) == 2 * FREE_LINES
+    assert not lines.damage
