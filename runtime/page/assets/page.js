@@ -72,21 +72,21 @@ function draw() {
   const scale = Math.min(canvas.width / (right - left), canvas.height / (high - low));
   const x = (at) => canvas.width / 2 + (at - (left + right) / 2) * scale;
   const y = (at) => canvas.height / 2 - (at - (low + high) / 2) * scale;
-  const dark = matchMedia("(prefers-color-scheme: dark)").matches;
+  const colour = (of) => look.getPropertyValue(`--${of}`);
   pen.fillStyle = look.backgroundColor;
   pen.fillRect(0, 0, canvas.width, canvas.height);
-  pen.fillStyle = dark ? "#7d858c" : "#8c8c8c";
+  pen.fillStyle = colour("cell");
   const side = Math.max(1.5, CELL_M * scale);
   for (const [column, row] of map.cells) pen.fillRect(x(column * CELL_M), y((row + 1) * CELL_M), side, side);
-  pen.strokeStyle = dark ? "#62a8ff" : "#0050b5";
+  pen.strokeStyle = colour("path");
   pen.lineWidth = 3;
   pen.beginPath();
   map.path.forEach(([east, north], k) => (k ? pen.lineTo(x(east), y(north)) : pen.moveTo(x(east), y(north))));
   pen.stroke();
-  pen.fillStyle = dark ? "#ff9d5c" : "#c43c00";
+  pen.fillStyle = colour("beam");
   const scan = map.beat.scan;
   for (let k = 0; k < scan.length; k += 2) pen.fillRect(x(scan[k]) - 1.5, y(scan[k + 1]) - 1.5, 3, 3);
-  pen.fillStyle = dark ? "#5be08a" : "#00622b";
+  pen.fillStyle = colour("landmark");
   const landmarks = map.beat.landmarks;
   for (let k = 0; k < landmarks.length; k += 2) {
     pen.beginPath();

@@ -130,7 +130,7 @@ def test_a_run_compared_with_another_shows_both_and_what_differs(run: Path, tmp_
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("width", [390, 1200])
+@pytest.mark.parametrize("width", [360, 1200])
 def test_the_page_fits_a_phone_and_a_desk_in_a_real_browser(run: Path, tmp_path: Path, width: int) -> None:
     if CHROMIUM is None:
         pytest.skip("chromium is absent; apt-get install chromium")
