@@ -50,18 +50,21 @@ class Health:
     place: PlaceInMap | None = None
 
 
+SETTLED_NS = 2_000_000_000
+"""An improvement is an event once it has lasted so long: what flickers at its threshold is told once."""
+GRAVITY = {RunState.LOST: 2, RunState.DEGRADED: 1}
 SEVERITIES = {RunState.DEGRADED: Severity.WARN, RunState.LOST: Severity.ERROR}
 
 
 class HealthMonitor:
     """Concludes the state once a tick, and is told the states before the first and after the last one.
 
-    Each change is an event with its reason.
+    What is new or worse is an event at once, with its reason; what is better, once it has settled.
     """
 
     def __init__(self) -> None:
-        self._state: RunState | None = None
-        self._reasons: tuple[str, ...] = ()
+        self._told: tuple[RunState | None, frozenset[str]] = (None, frozenset())
+        self._recent: dict[str, tuple[int, int]] = {}
         self._quality: Quality | None = None
         self._dropped: dict[str, int] = {}
         self._place: PlaceInMap | None = None
@@ -123,11 +126,16 @@ class HealthMonitor:
 
     def _changed(self, stamp_ns: int, state: RunState, reasons: tuple[str, ...]) -> tuple[Event, ...]:
         # the first words of a reason name it; figures that follow would make every tick an event
-        before = {reason.split(":")[0] for reason in self._reasons}
-        after = {reason.split(":")[0] for reason in reasons}
-        if state is self._state and before == after:
+        names = {reason.split(":")[0] for reason in reasons}
+        if state not in (RunState.RUNNING, *GRAVITY):
+            self._recent.clear()
+        self._recent |= {name: (stamp_ns, GRAVITY.get(state, 0)) for name in names}
+        self._recent = {name: (at, of) for name, (at, of) in self._recent.items() if stamp_ns - at < SETTLED_NS}
+        improving = any(gravity > GRAVITY.get(state, 0) for _, gravity in self._recent.values())
+        told_state, told = self._told
+        if improving or (state is told_state and names <= told <= self._recent.keys()):
             return ()
-        self._state, self._reasons = state, reasons
+        self._told = state, frozenset(self._recent)
         text = f"{state}: {'; '.join(reasons)}" if reasons else str(state)
         return (Event(stamp_ns, "health", str(state), text, SEVERITIES.get(state, Severity.INFO)),)
 

@@ -12,6 +12,7 @@ from runtime.calibrate.result import Calibration, calibration_lines
 from runtime.errors import ConfigurationError, StorageError
 from runtime.settings.configuration import load_configuration, load_configuration_text
 from runtime.settings.trees import Tree, copy_of, take, value_at, with_value
+from runtime.source_tree import shipped_configuration
 from slam.pose import wrap_rad
 
 UNCERTAINTIES = ("slam.odometry.radius_uncertainty", "slam.odometry.tread_uncertainty")
@@ -49,6 +50,7 @@ def text_to_write_into(path: Path, config: Path | None = None) -> str | None:
     if base is None:
         return None
     load_configuration(base)
+    base = shipped_configuration(base)
     try:
         text = base.read_bytes().decode()
     except OSError as error:
@@ -62,9 +64,10 @@ def text_to_write_into(path: Path, config: Path | None = None) -> str | None:
 def write_configuration(result: Calibration, believed: str, path: Path, into: str | None = None) -> tuple[str, ...]:
     """Put what was found into a text and write it to `path` whole or not at all; gives the keys that changed.
 
-    believed: the configuration that the search began with; into: the text that is changed, by default the settings of
-    `believed` that are not the defaults. Comments stay; refused values keep what is there. Raises ConfigurationError
-    where nothing was found or a text is wrong, StorageError where it cannot be written.
+    A file that is there is kept under another name. believed: the configuration that the search began with; into: the
+    text that is changed, by default the settings of `believed` that are not the defaults. Comments stay; refused values
+    keep what is there. Raises ConfigurationError where nothing was found or a text is wrong, StorageError where it
+    cannot be written.
     """
     changes = configuration_changes(result, believed)
     if not changes:
@@ -77,10 +80,18 @@ def write_configuration(result: Calibration, believed: str, path: Path, into: st
     load_configuration_text(text, source=str(path), recorded=False)
     try:
         target = path.resolve()
-        atomic_write(target, text, target.stat().st_mode & 0o777 if target.exists() else None)
+        mode = target.stat().st_mode & 0o777 if target.exists() else None
+        if mode is not None and changes:
+            atomic_write(backup_of(target), target.read_bytes(), mode)
+        atomic_write(target, text, mode)
     except OSError as error:
         raise StorageError(f"{path}: cannot be written ({error.strerror}); give a file in a writable folder") from error
     return tuple(changes)
+
+
+def backup_of(path: Path) -> Path:
+    """Where a file is kept as it was before the last calibration."""
+    return path.with_name(f"{path.name}.before")
 
 
 def without_defaults(text: str) -> str:

@@ -47,7 +47,7 @@ EXAMPLES = {
     "quality": ("infant quality --runs 10 --hours 0.5",),
     "rate": ("infant rate --minutes 1",),
     "soak": ("infant soak --minutes 5",),
-    "bench": ("infant bench",),
+    "bench": ("infant bench", "infant bench runs/yard"),
     "bridge ros2": ("infant bridge ros2 --domain 7",),
     "bridge rclpy": ("infant bridge rclpy --out infant_node.py",),
     "page": ("infant page",),

@@ -88,7 +88,9 @@ def setup(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="file to write; never overwritten")] = Path(
         "rover.toml"
     ),
-    rover: Annotated[str, typer.Option("--rover", help="name of the rover")] = "infant",
+    rover: Annotated[
+        str | None, typer.Option("--rover", help="name of the rover; default: that of the machine it runs on")
+    ] = None,
     laser: Annotated[
         str | None, typer.Option("--laser", metavar="URL", help="address of the laser; default: search for it")
     ] = None,
@@ -119,7 +121,8 @@ def setup(
     given = dict(zip(GEOMETRY, (wheel_radius, tread, counts_per_rev, laser_ahead), strict=True))
     missing = [option for option, value in given.items() if value is None]
     if missing and (yes or not sys.stdin.isatty()):
-        raise UsageError(f"{missing[0]} is missing ({GEOMETRY[missing[0]]}): measure it; geometry is never guessed")
+        wanted = ", ".join(f"{option} ({GEOMETRY[option]})" for option in missing)
+        raise UsageError(f"{wanted}: missing; measure it, geometry is never guessed")
 
     def geometry() -> Geometry:
         for option in missing:

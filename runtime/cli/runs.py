@@ -242,14 +242,16 @@ def calibrate(
     config: Annotated[Path | None, typer.Option("--config", help="start from the values in this file")] = None,
     write: Annotated[
         Path | None,
-        typer.Option("--write", metavar="FILE", help="configuration to write, new or existing; comments stay"),
+        typer.Option(
+            "--write", metavar="FILE", help="configuration to write; comments stay, and FILE.before is what was there"
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Find wheel geometry, laser mount, latency and noise from ordinary drives, with 95 % intervals."""
     from runtime.calibrate.recorded_drives import calibrate_runs
     from runtime.calibrate.result import calibration_lines
-    from runtime.calibrate.write import text_to_write_into, write_configuration
+    from runtime.calibrate.write import backup_of, text_to_write_into, write_configuration
     from runtime.settings.configuration import load_configuration
 
     into = None if write is None else text_to_write_into(write, config)
@@ -263,6 +265,8 @@ def calibrate(
     say(*calibration_lines(result))
     if write is not None:
         say(f"written   {write} ({', '.join(changed) or 'nothing changed'})")
+        if changed and (kept := backup_of(write.resolve())).exists():
+            say(f"kept      {kept}, the file as it was before")
 
 
 def export(

@@ -2,11 +2,11 @@
 
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,6 +14,9 @@ from runtime.cli.output import answer, say, say_json
 from runtime.cli.progress import AsJson, progress_bar
 from runtime.errors import UsageError
 from runtime.source_tree import SHARED_DATA
+
+if TYPE_CHECKING:
+    from runtime.studies.bench.figure import BenchFigure
 
 Scheduler = Annotated[str, typer.Option("--scheduler", help="address of a dask scheduler, local (all cores), or none")]
 
@@ -214,18 +217,37 @@ def soak(
     answer(measured, soak_lines(measured), as_json)
 
 
-def bench(as_json: AsJson = False) -> None:
-    """Measure the speed of the filter on this machine in CPU time; takes two to three minutes."""
-    from runtime.studies.bench.measures import measures
-
+def bench(
+    run: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[RUN]", help="measure what review and export of this run cost instead", show_default=False
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure the speed of the filter on this machine in CPU time; takes two to three minutes. With RUN, the time and
+    the memory that review and export of that run take.
+    """
     results = []
-    for measure in measures():
+    for measure in bench_figures(run):
         results.append(asdict(measure))
         if not as_json:
             p99 = f"  p99 {measure.p99:g}" if measure.p99 is not None else ""
             say(f"{measure.name:42s} {measure.value:10g} {measure.unit}{p99}")
     if as_json:
         say_json({"results": results})
+
+
+def bench_figures(run: Path | None) -> Iterator["BenchFigure"]:
+    """Those of a run, or those of the filter, which load it."""
+    if run is not None:
+        from runtime.studies.bench.of_a_run import measure_run
+
+        return measure_run(run)
+    from runtime.studies.bench.measures import measures
+
+    return measures()
 
 
 COMMANDS = (paper, sweep, quality, rate, soak, bench)

@@ -1,5 +1,6 @@
 """`infant sim`: the simulated devices alone, for any SCIP or CAN client."""
 
+import math
 import threading
 import time
 from collections.abc import Mapping
@@ -58,9 +59,18 @@ def serve_rover(
         stream.write(
             f"laser  {rover.laser_url}  speaks SCIP 2; any client can connect\nwheels {name}  CAN frames "
             f"for python-can, as INTERFACE:CHANNEL:PORT\ntry    infant setup --laser {rover.laser_url} "
-            f"--can {name}\n"
+            f"--can {name} {_geometry_words(simulation, encoders)}\n"
         )
         _wait(rover.devices, stop, stream, faults)
+
+
+def _geometry_words(simulation: SimulationSettings, encoders: EncoderSettings) -> str:
+    """What a ruler and the data sheet would tell of this rover, as options of `infant setup`."""
+    vehicle, laser = encoders.vehicle, simulation.world.laser
+    ahead_m, _, yaw_rad = laser.body_from_laser
+    words = f"--wheel-radius {vehicle.wheel_radius_left_m:g} --tread {vehicle.tread_m:g} "
+    words += f"--counts-per-rev {vehicle.counts_per_rev:g} --laser-ahead {ahead_m:g}"
+    return words + " --backwards" * (math.cos(yaw_rad) < 0.0) + " --upside-down" * laser.upside_down
 
 
 def _described(config: Path, overrides: dict[str, str]) -> tuple[SimulationSettings, EncoderSettings]:

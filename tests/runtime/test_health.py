@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drivers.measurements import SensorHealth, SensorState
-from runtime.health import HealthMonitor, PlaceInMap, RunState
+from runtime.health import SETTLED_NS, HealthMonitor, PlaceInMap, RunState
 from runtime.tick import SinkHealth
 from slam.estimate import Estimate, Quality, Recognition
 from slam.pose import Pose2
@@ -67,10 +67,45 @@ def test_a_doubted_pose_is_a_reason_and_each_change_of_it_an_event() -> None:
         (Quality.LOST, "nothing on the map is seen: for 2.1 s"),
         (Quality.TRACKING, ""),
     ]
-    told = [monitor.assess(k, {"laser": FRESH}, QUIET, estimate_of(*doubt)) for k, doubt in enumerate(doubts)]
+    told = [
+        monitor.assess(k * SETTLED_NS, {"laser": FRESH}, QUIET, estimate_of(*doubt)) for k, doubt in enumerate(doubts)
+    ]
     assert [health.state for health, _ in told] == ["running", "degraded", "degraded", "lost", "running"]
     assert [len(events) for _, events in told] == [1, 1, 0, 1, 1]
     assert told[3][1][0].reason == "lost: pose lost, nothing on the map is seen: for 2.1 s"
+
+
+LOST = estimate_of(Quality.LOST, "nothing on the map is seen: for 2.0 s")
+UNCERTAIN = estimate_of(Quality.UNCERTAIN, "landmarks are not where they should be: found 0, missed 11")
+TICK_NS = 100_000_000
+
+
+@pytest.mark.parametrize("turns", [(WELL, UNCERTAIN), (UNCERTAIN, LOST), (WELL, LOST, UNCERTAIN, LOST)])
+@pytest.mark.parametrize("ticks_of_each", [1, 3, 10])
+def test_what_flickers_at_its_threshold_is_told_once_and_its_end_when_it_has_settled(
+    turns: tuple[Estimate, ...], ticks_of_each: int
+) -> None:
+    monitor, told = HealthMonitor(), []
+    flicker = [turns[k // ticks_of_each % len(turns)] for k in range(600)]
+    for k, estimate in enumerate((*flicker, *(WELL,) * 25)):
+        health, events = monitor.assess(k * TICK_NS, {"laser": FRESH}, QUIET, estimate)
+        assert (
+            health.state
+            == {Quality.TRACKING: "running", Quality.UNCERTAIN: "degraded", Quality.LOST: "lost"}[estimate.quality]
+        )
+        told += [(k, event.kind) for event in events]
+    assert len(told) <= 3
+    assert told[-1][1] == "running"
+    assert told[-1][0] >= 600 + SETTLED_NS // TICK_NS - ticks_of_each
+
+
+def test_a_new_reason_is_told_while_another_flickers() -> None:
+    monitor = HealthMonitor()
+    for k in range(20):
+        monitor.assess(k * TICK_NS, {"laser": FRESH}, QUIET, (WELL, UNCERTAIN)[k % 2])
+    stale = SensorHealth(SensorState.STALE, "no scan", 0.0)
+    (event,) = monitor.assess(20 * TICK_NS, {"laser": stale}, QUIET, WELL)[1]
+    assert event.reason == "degraded: laser stale: no scan"
 
 
 def test_a_recognised_place_is_an_event_with_its_figures() -> None:

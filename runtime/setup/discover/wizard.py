@@ -57,7 +57,7 @@ class SetupResult:
 
 def set_up(
     path: Path,
-    name: str,
+    name: str | None,
     known: Known,
     geometry: Callable[[], Geometry],
     say: Say,

@@ -22,12 +22,14 @@ class Geometry:
     laser_upside_down: bool = False
 
 
-def configuration_text(name: str, laser: LaserFound, bus: BusSettings, wheels: LayoutFound, geometry: Geometry) -> str:
-    """TOML, with comments."""
+def configuration_text(
+    name: str | None, laser: LaserFound, bus: BusSettings, wheels: LayoutFound, geometry: Geometry
+) -> str:
+    """TOML, with comments. name: None leaves it to the machine, whose name no second rover has."""
     yaw = "3.141592653589793" if geometry.laser_backwards else "0.0"
     lines = [
         "# Written by infant setup. `infant config --explain KEY` says what a key means and how to find its value.",
-        f"rover = {json.dumps(name)}",
+        *(() if name is None else (f"rover = {json.dumps(name)}",)),
         "",
         "[laser]",
         f"url = {json.dumps(laser.url)}  # {laser.model}, serial number {laser.serial_number}",

@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -16,6 +15,7 @@ from drivers.measurements import FloatArray, Scan, WheelCounts, uniform_bearings
 from drivers.settings.simulated_world import WorldSettings
 from drivers.simulated.world.places.world import World
 from runtime.settings.configuration import Configuration
+from runtime.studies.bench.figure import BenchFigure
 from runtime.studies.bench.plain import plain_resample, plain_step
 from runtime.studies.bench.replaying import times_real_time
 from runtime.studies.bench.scene import Scene
@@ -31,16 +31,6 @@ DRIVE_S = 20.0
 TICK_NS = 100_000_000
 COUNTS_PER_M = 4096.0 / (2.0 * np.pi * 0.125)
 DRIVEN = SlamSettings(particles=100, mount=MountSettings(x_m=0.3))
-
-
-@dataclass(frozen=True, slots=True)
-class BenchFigure:
-    """One figure: the median, and its 99th percentile where there is a spread."""
-
-    name: str
-    value: float
-    unit: str
-    p99: float | None = None
 
 
 def measures() -> Iterator[BenchFigure]:

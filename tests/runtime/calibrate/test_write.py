@@ -7,7 +7,7 @@ import pytest
 
 from runtime.calibrate.result import Calibration, Quantity, calibration_lines
 from runtime.calibrate.scans.orientation import UPSIDE_DOWN
-from runtime.calibrate.write import configuration_changes, text_to_write_into, write_configuration
+from runtime.calibrate.write import backup_of, configuration_changes, text_to_write_into, write_configuration
 from runtime.errors import ConfigurationError, StorageError
 from runtime.settings.configuration import load_configuration, load_configuration_text
 
@@ -64,6 +64,19 @@ def test_the_written_configuration_can_be_used_at_once(tmp_path: Path) -> None:
     assert after.slam.front_end.sigma_range_m == 0.012
 
 
+def test_a_file_that_is_there_is_kept_as_it_was_and_a_shipped_name_can_be_started_from(tmp_path: Path) -> None:
+    path = tmp_path / "rover.toml"
+    text = text_to_write_into(path, Path("mock"))
+    assert text is not None
+    write_configuration(FOUND, text, path, text)
+    assert not backup_of(path).exists()
+    before = path.read_bytes()
+    wider = replace(FOUND, quantities=(Quantity("tread_m", 0.52, 0.51, 0.53),))
+    for again in (wider, wider):  # what changes nothing keeps nothing
+        write_configuration(again, text, path, text_to_write_into(path))
+    assert backup_of(path).read_bytes() == before
+
+
 def test_what_was_refused_keeps_the_value_of_the_base() -> None:
     assert "slam.mount.y_m" not in configuration_changes(FOUND, BASE)
 
@@ -114,7 +127,7 @@ def test_a_file_that_is_there_keeps_its_comments_and_all_that_was_not_found(tmp_
     after = load_configuration(path)
     assert after.slam.front_end.sigma_range_m == 0.012
     assert path.stat().st_mode & 0o777 == 0o640
-    assert [name.name for name in tmp_path.iterdir()] == ["rover.toml"]
+    assert {name.name for name in tmp_path.iterdir()} == {"rover.toml", "rover.toml.before"}
 
 
 def test_what_was_found_as_it_stands_there_is_no_change(tmp_path: Path) -> None:

@@ -64,7 +64,11 @@ def test_the_version_is_printed() -> None:
         (("check", "--confg", "mock", "--json"), 2, "No such option"),
         (("chek", "--json"), 2, "chek"),
         (("config", "--json"), 2, "give exactly one of --defaults"),
-        (("setup", "--yes", "--tread", "0.4", "--json"), 2, "--wheel-radius is missing"),
+        (
+            ("setup", "--yes", "--tread", "0.4", "--json"),
+            2,
+            "if it is behind): missing; measure it",
+        ),
     ],
 )
 def test_an_error_is_one_json_object_for_a_program(

@@ -179,10 +179,11 @@ def test_a_simulated_rover_is_found_over_its_real_wires(tmp_path: Path) -> None:
     with SimulatedRover(load_configuration("mock")) as rover:
         bus = rover.wheels.bus
         known = Known(rover.laser.url, f"{bus.interface}:{bus.channel}:{bus.port}")
-        result = set_up(path, "r1", known, lambda: GEOMETRY, lambda _line: None, (patient, hear_enough))
+        result = set_up(path, None, known, lambda: GEOMETRY, lambda _line: None, (patient, hear_enough))
     assert result.laser.model.startswith("UTM-X001S")
     assert (result.laser.beams, result.laser.first_deg, result.laser.last_deg) == (1081, -135.0, 135.0)
     assert [each.name for each in result.fitting] == ["Infant"]
+    assert "rover" not in load_configuration(path).model_fields_set  # nobody gave it a name: its machine has one
     encoders = load_configuration(path).encoders
     assert encoders is not None
     assert (encoders.bus.port, encoders.layout) == (bus.port, DbcLayout())

@@ -1,0 +1,55 @@
+"""What looking at a recorded run costs: time and memory of `infant review` and `infant export --ros2`.
+
+Light on purpose: the system counts the memory of whoever starts a program as that of the program.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from runtime.errors import UsageError
+from runtime.studies.bench.figure import BenchFigure
+
+
+class Cost(NamedTuple):
+    """Seconds by the clock and of the processors, and the memory of the largest process at its peak."""
+
+    wall_s: float
+    cpu_s: float
+    peak_mb: float
+
+
+def measure_run(run: Path) -> Iterator[BenchFigure]:
+    """Figures of one run, from a copy beside it: a review draws its picture again. Raises UsageError."""
+    if not run.is_dir():
+        raise UsageError(f"{run}: expected the folder of a run; give one, such as runs/yard")
+    with tempfile.TemporaryDirectory(prefix="infant-bench-", dir=run.absolute().parent) as name:
+        copy = Path(name, "run")
+        shutil.copytree(run, copy)
+        review = cost_of("review", str(copy))
+        recorded_s: float = json.loads((copy / "report.json").read_text())["duration_s"]
+        export = cost_of("export", str(copy), "--ros2", str(Path(name, "bag")))
+    yield BenchFigure("recorded", recorded_s, "s")
+    for command, cost in (("review", review), ("export_ros2", export)):
+        yield BenchFigure(f"{command}_wall", round(cost.wall_s, 2), "s")
+        yield BenchFigure(f"{command}_cpu", round(cost.cpu_s, 2), "s")
+        yield BenchFigure(f"{command}_memory", round(cost.peak_mb, 1), "MB")
+
+
+def cost_of(*words: str) -> Cost:
+    """Run one `infant` command in a process of its own. Raises UsageError where it fails; it has said why."""
+    began_s = time.monotonic()
+    command = [sys.executable, "-m", "runtime.cli", *words]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise UsageError(f"infant {' '.join(words[:2])}: exit code {process.returncode}; its message is printed above")
+    return Cost(time.monotonic() - began_s, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0)
