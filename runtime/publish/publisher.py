@@ -58,6 +58,8 @@ class ZenohPublisher:
         self._health: Health | None = None
         self._commands = CommandQueue(time.monotonic_ns)
         self.listening: tuple[str, ...] | None = None
+        self._session: zenoh.Session | None = None
+        self._topics: RoverTopics | None = None  # once all of them are declared
         self._failures = Failures("publish", time.monotonic_ns)
         self._thread = StoppableThread("publish", self._run, failed=self._failures.note)
         if settings.enabled:
@@ -112,29 +114,34 @@ class ZenohPublisher:
         self._thread.stop(LEAVE_S)
 
     def _run(self) -> None:
-        """Own the session from opening to closing; one that cannot be opened is tried again every 5 s."""
+        """Own the session from opening to closing. It outlives what is raised here: to lose the peers takes seconds."""
+        is_over = False
+        try:
+            topics = self._topics or self._opened_topics()
+            if topics is not None:
+                self._serve(topics)
+            is_over = True
+        finally:
+            if self._session is not None and (is_over or self._topics is None or self._thread.was_stopped):
+                self._close_session(self._session)
+                self._session = self._topics = None
+
+    def _opened_topics(self) -> RoverTopics | None:
+        """Topics on a new session, None where close() was called; one that cannot be opened is tried every 5 s."""
         if not self._simulated:  # desks may have many of one name
             endpoints = (*self._settings.connect, *self._settings.listen)
             self._namesake = namesake_trouble(self._rover, endpoints, self._settings.config_file)
         while True:
             try:
-                session, listening = open_rover_session(self._settings, self._rover)
+                self._session, listening = open_rover_session(self._settings, self._rover)
+                break
             except zenoh.ZError as error:
                 self._trouble = f"no zenoh session: {short_reason(error)}"
                 if self._thread.wait(REOPEN_S):
-                    return
-                continue
-            self._trouble = ""
-            try:
-                self._serve(session, listening)
-            finally:
-                self._close_session(session)
-            return
-
-    def _serve(self, session: zenoh.Session, listening: tuple[str, ...]) -> None:
-        """Send ticks until close() was called and the queue is empty."""
+                    return None
+        self._trouble = ""
         topics = RoverTopics(
-            session,
+            self._session,
             self._settings,
             self._rover,
             self._wall_offset_ns,
@@ -143,8 +150,12 @@ class ZenohPublisher:
             self._vehicle,
         )
         if self._settings.commands:
-            declare_commands(session, self._rover, self._commands)
-        self.listening = listening
+            declare_commands(self._session, self._rover, self._commands)
+        self._topics, self.listening = topics, listening
+        return topics
+
+    def _serve(self, topics: RoverTopics) -> None:
+        """Send ticks until close() was called and the queue is empty."""
         while (item := self._queue.get()) is not None:
             try:
                 if isinstance(item, Health):

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 import zenoh
+from zenoh.handlers import FifoChannel
 
 from runtime.errors import ConfigurationError
 from runtime.health import Health, RunState
@@ -19,6 +20,7 @@ from runtime.settings.publish import PublishSettings
 from runtime.source_tree import ROOT
 from runtime.tick import CompletedTick, SinkHealth
 from slam.estimate import Quality
+from tests.support.drivers.raising import raise_in
 from tests.support.runtime.inverses import read_attachment
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
 from tests.support.runtime.ros_types import (
@@ -260,3 +262,20 @@ def test_a_pace_keeps_its_rate_out_of_any_tick_rate() -> None:
 )
 def test_the_next_port_leaves_the_rest_of_an_endpoint_alone(endpoint: str, following: str) -> None:
     assert next_port(endpoint) == following
+
+
+def test_what_is_raised_in_its_thread_costs_neither_the_session_nor_its_peers() -> None:
+    """To meet anew took a second and more, and some met on another port."""
+    port = free_port()
+    with publishing(settings_on(port)) as publisher:
+        assert opened(publisher)
+        with zenoh.open(tool_config(f"tcp/127.0.0.1:{port}")) as session:
+            alive = session.liveliness().declare_subscriber("infant/r1/alive", FifoChannel(9), history=True)
+            for number in range(1, 4):
+                raise_in("publish")
+                put_ticks(publisher, range(12), 0.0)  # it waits for one in C
+                assert until(lambda number=number: f"({number} " in publisher.health().trouble)  # type: ignore[misc]
+                assert until(lambda: publisher._queue.empty())
+            put_ticks(publisher, range(100, 112), 0.0)
+            assert until(lambda: any(reply.ok for reply in session.get("infant/r1/status", timeout=1.0)))
+            assert [sample.kind for sample in iter(alive.try_recv, None)] == [zenoh.SampleKind.PUT]
