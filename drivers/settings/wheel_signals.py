@@ -39,7 +39,9 @@ class WheelSignals(BaseModel):
         default=1.0,
         ge=1e-6,
         le=1e12,
-        description="Counts in one unit of the scaled position. Change it if the DBC scales to turns or metres",
+        description="Counts in one unit of the scaled position. Change it if the DBC scales to turns or metres. For "
+        "a speed in m/s or km/h, counts in a metre: enter counts_per_rev / (2 pi radius of the drawing) and leave "
+        "it there, and the radius that `infant calibrate` finds scales the speed; at 1 its scale stays as sent",
     )
     speed: str = Field(
         default="",
@@ -93,6 +95,16 @@ class WheelSignals(BaseModel):
         if not self.count and not self.speed:
             raise ValueError(f"a signal name in count or speed for message {self.message}")
         return self
+
+    @property
+    def tells_metres(self) -> bool:
+        """Whether all that it sends is a speed into which the node has put a wheel radius."""
+        return not self.count and self.speed_unit in ("mps", "kph")
+
+    @property
+    def is_scaled_by_radius(self) -> bool:
+        """Whether a radius that is calibrated changes what the speed means; it cancels where nobody says its counts."""
+        return not self.tells_metres or self.counts_per_unit != 1.0
 
 
 class SignalSettings(BaseModel):

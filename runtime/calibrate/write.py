@@ -7,10 +7,11 @@ from pathlib import Path
 
 import tomli_w
 
+from drivers.settings.wheel_signals import WheelSignals
 from runtime.atomic_write import atomic_write
 from runtime.calibrate.result import Calibration, calibration_lines
 from runtime.errors import ConfigurationError, StorageError
-from runtime.settings.configuration import load_configuration, load_configuration_text
+from runtime.settings.configuration import Configuration, load_configuration, load_configuration_text
 from runtime.settings.trees import Tree, copy_of, take, value_at, with_value
 from runtime.source_tree import shipped_configuration
 from slam.pose import wrap_rad
@@ -49,7 +50,7 @@ def text_to_write_into(path: Path, config: Path | None = None) -> str | None:
     base = path if path.exists() else config
     if base is None:
         return None
-    load_configuration(base)
+    _refuse_what_cancels(load_configuration(base), base)
     base = shipped_configuration(base)
     try:
         text = base.read_bytes().decode()
@@ -59,6 +60,19 @@ def text_to_write_into(path: Path, config: Path | None = None) -> str | None:
     for key in (*DIRECT.values(), *UNCERTAINTIES, *LATENCIES, UPSIDE_DOWN):
         tried = with_value(tried, key, value=False)
     return text
+
+
+def _refuse_what_cancels(configuration: Configuration, path: Path) -> None:
+    """A node that sends metres has put a radius into them; where that is not undone, ours changes nothing."""
+    layout = None if configuration.encoders is None else configuration.encoders.layout
+    for side in ("left", "right"):
+        signals = getattr(layout, side, None)
+        if isinstance(signals, WheelSignals) and not signals.is_scaled_by_radius:
+            raise ConfigurationError(
+                f"{path}: encoders.layout.{side}.counts_per_unit: expected the counts in a metre, because the speed is "
+                f"in {signals.speed_unit} and a calibrated radius would change nothing; "
+                f"add counts_per_unit = {configuration.vehicle.counts_per_metre:.6g}"
+            )
 
 
 def write_configuration(result: Calibration, believed: str, path: Path, into: str | None = None) -> tuple[str, ...]:

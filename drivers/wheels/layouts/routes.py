@@ -47,7 +47,7 @@ def feedback_messages(
 ) -> dict[Wheel, FeedbackMessage]:
     """The fast message of each wheel, which a driver decodes and a simulated node encodes."""
     return {
-        wheel: FeedbackMessage(wheel, _named(messages, signals.message), signals, _counts_per_s(signals, settings))
+        wheel: FeedbackMessage(wheel, _named(messages, signals.message), signals, counts_per_s_of(signals, settings))
         for wheel, signals in ((Wheel.LEFT, left), (Wheel.RIGHT, right))
     }
 
@@ -131,14 +131,16 @@ def refuse_duplicate_ids(source: str, numbers: list[tuple[int, str]]) -> None:
             )
 
 
-def _counts_per_s(signals: WheelSignals, settings: EncoderSettings) -> float:
+def counts_per_s_of(signals: WheelSignals, settings: EncoderSettings) -> float:
     """Counts per second in one unit of the speed signal."""
+    has_own_scale = signals.tells_metres and signals.is_scaled_by_radius
+    counts_per_metre = signals.counts_per_unit if has_own_scale else settings.counts_per_metre
     return {
         "counts_per_period": 1e9 / settings.period_ns,
         "counts_per_s": 1.0,
         "motor_turns_per_s": COUNTS_PER_MOTOR_TURN,
         "turns_per_s": settings.vehicle.counts_per_rev,
         "rpm": settings.vehicle.counts_per_rev / 60.0,
-        "mps": settings.counts_per_metre,
-        "kph": settings.counts_per_metre / 3.6,
+        "mps": counts_per_metre,
+        "kph": counts_per_metre / 3.6,
     }[signals.speed_unit]

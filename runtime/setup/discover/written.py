@@ -1,6 +1,7 @@
 """The configuration that setup writes: some twenty lines, each with what it is and who can say better."""
 
 import json
+import math
 from dataclasses import dataclass
 
 from drivers.settings.can import BusSettings
@@ -53,12 +54,12 @@ def configuration_text(
         f"channel = {json.dumps(bus.channel)}",
         *([f"port = {bus.port}"] if bus.port else []),
         "",
-        *_layout_lines(wheels),
+        *_layout_lines(wheels, geometry),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _layout_lines(wheels: LayoutFound) -> list[str]:
+def _layout_lines(wheels: LayoutFound, geometry: Geometry) -> list[str]:
     layout = wheels.layout
     head = f"[encoders.layout]  # {wheels.name}, recognised by {wheels.why}"
     if isinstance(layout, PresetLayout):
@@ -69,7 +70,7 @@ def _layout_lines(wheels: LayoutFound) -> list[str]:
         return [head, 'kind = "dbc"  # Infant\'s own nodes']
     else:
         sides = (("left", layout.left), ("right", layout.right))
-        return [head, 'kind = "dbc"', f"file = {json.dumps(layout.file)}", *(_side(*side) for side in sides)]
+        return [head, 'kind = "dbc"', f"file = {json.dumps(layout.file)}", *(_side(*side, geometry) for side in sides)]
     return [
         head,
         *words,
@@ -78,7 +79,10 @@ def _layout_lines(wheels: LayoutFound) -> list[str]:
     ]
 
 
-def _side(name: str, signals: WheelSignals) -> str:
+def _side(name: str, signals: WheelSignals, geometry: Geometry) -> str:
     """One wheel's signals in a line."""
+    if signals.tells_metres:
+        counts_per_metre = geometry.counts_per_rev / (2.0 * math.pi * geometry.wheel_radius_m)
+        signals = signals.model_copy(update={"counts_per_unit": round(counts_per_metre, 6)})
     words = (f"{key} = {json.dumps(value)}" for key, value in signals.model_dump(exclude_defaults=True).items())
     return f"{name} = {{ {', '.join(words)} }}"

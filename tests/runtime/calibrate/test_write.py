@@ -1,4 +1,5 @@
 import math
+import shutil
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from runtime.calibrate.scans.orientation import UPSIDE_DOWN
 from runtime.calibrate.write import backup_of, configuration_changes, text_to_write_into, write_configuration
 from runtime.errors import ConfigurationError, StorageError
 from runtime.settings.configuration import load_configuration, load_configuration_text
+from runtime.source_tree import CONFIG
 
 BASE = """
 rover = "calibrated"
@@ -75,6 +77,16 @@ def test_a_file_that_is_there_is_kept_as_it_was_and_a_shipped_name_can_be_starte
     for again in (wider, wider):  # what changes nothing keeps nothing
         write_configuration(again, text, path, text_to_write_into(path))
     assert backup_of(path).read_bytes() == before
+
+
+def test_a_radius_that_would_change_nothing_is_refused_before_the_work(tmp_path: Path) -> None:
+    steered = CONFIG / "examples" / "steered.toml"
+    assert text_to_write_into(tmp_path / "a.toml", steered)
+    path = tmp_path / "steered.toml"
+    path.write_text(steered.read_text().replace(", counts_per_unit = 3259.493", ""))
+    shutil.copy(steered.with_suffix(".dbc"), tmp_path)
+    with pytest.raises(ConfigurationError, match=r"left.counts_per_unit: expected .* counts_per_unit = 3259.49"):
+        text_to_write_into(path)
 
 
 def test_what_was_refused_keeps_the_value_of_the_base() -> None:

@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from drivers.canbus.frame import CanFrame
-from drivers.settings.wheel_signals import MessageSettings, SignalSettings
-from drivers.wheels.layouts.routes import built_message
+from drivers.settings.encoders import EncoderSettings
+from drivers.settings.vehicle import VehicleSettings
+from drivers.settings.wheel_signals import MessageSettings, SignalSettings, WheelSignals
+from drivers.wheels.layouts.routes import built_message, counts_per_s_of
 from drivers.wheels.layouts.signals import quantity
 from drivers.wheels.pair import WheelPair
 from drivers.wheels.readings import Refused, Wheel, WheelReading
@@ -197,3 +199,18 @@ def test_a_count_may_pass_the_value_that_means_not_available(tmp_path: Path) -> 
             feed(pair, beat, number, struct.pack("<I", (beat - 50) % 2**32))  # from -50, and over -1
     assert pair.left.counters["not_available"] == 0
     assert pair.take()[-1].left == pytest.approx(99.0, abs=0.1)
+
+
+@pytest.mark.parametrize("unit", ["mps", "kph"])
+def test_a_calibrated_radius_scales_a_speed_in_metres_and_the_ratio_of_both_wheels_too(unit: str) -> None:
+    drawn_m, left_m, right_m = 0.2, 0.206, 0.202
+    signals = WheelSignals(message="V", speed="S", speed_unit=unit, counts_per_unit=4096 / (2.0 * math.pi * drawn_m))
+    told_mps = 1.2
+    way_m = []
+    for left, right in ((drawn_m, drawn_m), (left_m, right_m)):
+        vehicle = VehicleSettings(wheel_radius_left_m=left, wheel_radius_right_m=right)
+        settings = EncoderSettings(vehicle=vehicle)
+        counts_per_s = told_mps * (3.6 if unit == "kph" else 1.0) * counts_per_s_of(signals, settings)
+        way_m.append([counts_per_s * 2.0 * math.pi * radius_m / vehicle.counts_per_rev for radius_m in (left, right)])
+    assert way_m[0] == pytest.approx([told_mps, told_mps])
+    assert way_m[1] == pytest.approx([told_mps * left_m / drawn_m, told_mps * right_m / drawn_m])

@@ -1,5 +1,6 @@
 """From what is heard to a configuration that can be used."""
 
+import math
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -102,7 +103,9 @@ def test_a_dbc_at_hand_is_tried_against_what_is_heard(tmp_path: Path) -> None:
     set_up(path, "r1", Known(bus="can0", dbc=dbc), lambda: GEOMETRY, lambda _line: None, searching(frames))
     found = load_configuration(path).encoders
     assert found is not None
-    assert found.layout == layout.layout
+    metre = {"counts_per_unit": round(GEOMETRY.counts_per_rev / (2.0 * math.pi * GEOMETRY.wheel_radius_m), 6)}
+    sides = {side: getattr(layout.layout, side).model_copy(update=metre) for side in ("left", "right")}
+    assert found.layout == layout.layout.model_copy(update=sides)
     assert layouts_in(dbc, traffic_of([CanFrame(k, 0x99, b"a") for k in range(9)])) == []
     with pytest.raises(DriverError, match="not a DBC"):
         layouts_in(path, [])
