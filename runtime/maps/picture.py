@@ -1,5 +1,6 @@
 """A map as a picture for people: grid, path and landmarks, with metres at the edges."""
 
+import gc
 import io
 from typing import Any
 
@@ -23,6 +24,12 @@ def need_pictures() -> None:
 
 def map_png(grid: GridMap | None, path_m: FloatArray, landmarks: LandmarkMap | None, title: str) -> bytes:
     """PNG of what there is; path_m (n, 2)."""
+    png = _drawn(grid, path_m, landmarks, title)
+    gc.collect()  # a figure refers to itself: its 11 MB of dots would stay for long, once more with each map
+    return png
+
+
+def _drawn(grid: GridMap | None, path_m: FloatArray, landmarks: LandmarkMap | None, title: str) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import, and nothing else here needs it
     from matplotlib.figure import Figure
 
