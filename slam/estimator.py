@@ -15,8 +15,9 @@ from slam.front_end.deskew import Twist, with_motion_noise
 from slam.front_end.front_ends import make_front_end
 from slam.joint.evidence import Confidence
 from slam.joint.gaussian import JointGaussian
-from slam.maps.joint_map import JointMap, take_map
+from slam.maps.joint_map import JointMap
 from slam.maps.start import MapStart, first_maps
+from slam.maps.views import NO_VIEWS
 from slam.observations import MOST_FEATURES, NO_FEATURES, seen_before_share, usable_rows, verdicts_of_all
 from slam.odometry.odometry import Increment, Odometry, compound
 from slam.odometry.rest import Rest
@@ -25,12 +26,12 @@ from slam.particles.fastslam import FastSlam, ScanOutcome
 from slam.quality import QualityMonitor
 from slam.recognise.local_points import around
 from slam.recognise.prior import PosePrior
-from slam.recognise.warm_up import warm_up_recognition
 from slam.relocalise.local_map import ScanSeen, ScanTaken, no_witness
 from slam.relocalise.relocaliser import Relocaliser
+from slam.scan_search.stretch import NO_POINTS
 from slam.settings.slam import SlamSettings
 from slam.visibility import BLIND, SensorView
-from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_settings, warm_up_wide_search, warm_up_window
+from slam.warm_up import TICK_NS, warm_up_drive, warm_up_gap, warm_up_rare, warm_up_settings
 
 MAP_EVERY = 10  # scans: once a second, as often as the map is published
 
@@ -78,7 +79,7 @@ class Estimator:
         self._joint, saved = first_maps(settings, start)
         if saved is self._joint:
             self._redraw_particles()
-        self._relocaliser = Relocaliser(settings, self._joint, saved)
+        self._relocaliser = Relocaliser(settings, self._joint, saved, NO_VIEWS if start is None else start.known.views)
         self._keyframes = self._relocaliser.here.keyframes
         reports = settings.front_end.kind == "given"
         self._quality = QualityMonitor(settings.quality, self._joint.scans, silence_is_blind=not reports)
@@ -122,7 +123,7 @@ class Estimator:
 
     def joint_map(self) -> JointMap:
         """The map as it is now, for a later drive to begin in."""
-        return take_map(self._relocaliser.lasting)
+        return self._relocaliser.lasting.taken()
 
     @classmethod
     def warm_up(cls, settings: SlamSettings | None = None) -> None:
@@ -134,9 +135,7 @@ class Estimator:
                 estimator.step(stamp_ns, scan, wheels)
             estimator._redraw_particles()
             estimator.step(stamp_ns + TICK_NS, None, ())
-        warm_up_wide_search()
-        warm_up_window(JointGaussian(short.joint, short.mount.as_pose(), short.tuning()))
-        warm_up_recognition()
+        warm_up_rare(JointGaussian(short.joint, short.mount.as_pose(), short.tuning()))
 
     def _scan_step(self, stamp_ns: int, scan: ScanLike, by_wheels: Increment) -> Estimate:
         """The step of the paper, one stage after the other."""
@@ -179,7 +178,8 @@ class Estimator:
         self._mark("joint")
 
         # the way back, where the pose is in doubt or a place may be known
-        seen = ScanSeen(scan.stamp_ns, increment.mean, increment.covariance, rows, sight, seen_share, arrived)
+        points = NO_POINTS if laid is None else self._keyframes.thinned(laid).astype(np.float32)
+        seen = ScanSeen(scan.stamp_ns, increment.mean, increment.covariance, rows, sight, seen_share, arrived, points)
         fits = () if laid is None else tuple(self._keyframes.fits)
         told = (seen, measured, self._odometry.odom_from_body, matched, fits, self._relocaliser.here.progress)
         recognition = self._find_back(seen, matched)

@@ -23,6 +23,8 @@ from slam.joint.gaussian import JointGaussian
 from slam.joint.measurement import FIRST_PLACE, JointArrays
 from slam.observations import FeatureRows, Features, Sighting, usable_rows
 from slam.pose import Pose2
+from slam.recognise.warm_up import warm_up_recognition
+from slam.scan_search.warm_up import warm_up_scan_search
 from slam.settings.slam import SlamSettings
 
 RINGS_M = np.array((4.0, 6.0, 9.0, 12.0))
@@ -125,6 +127,14 @@ def _wheel_sample(settings: SlamSettings, stamp_ns: int, moved_m: float) -> Whee
     if settings.odometry.model == "pose":
         return OdometryPose(stamp_ns, moved_m, 0.0, 0.0)
     return WheelCounts(stamp_ns, 5000.0 * moved_m, 5200.0 * moved_m)
+
+
+def warm_up_rare(joint: JointGaussian) -> None:
+    """What no short drive comes to."""
+    warm_up_wide_search()
+    warm_up_window(joint)
+    warm_up_recognition()
+    warm_up_scan_search()
 
 
 def warm_up_wide_search() -> None:

@@ -13,8 +13,9 @@ from runtime.printable import printable
 from slam.joint.atlas import PARENTS
 from slam.joint.window import ORPHAN
 from slam.maps.joint_map import JointMap
+from slam.maps.views import BEAMS
 
-MAGIC, FORMAT = b"INFANTMAP", 1
+MAGIC, FORMAT = b"INFANTMAP", 2
 SHA_BYTES = 32
 FIRST_LINE_BYTES = 64
 LEAST_LANDMARKS = 2  # fewer leave the heading open
@@ -31,6 +32,8 @@ SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "residuals": ("<f8", ("L", 2, 2)),
     "block_m2": ("<f8", ("S", "S")),
     "after_miss": ("<f8", (2,)),
+    "view_poses": ("<f8", ("K", 3)),
+    "view_points_cm": ("<i2", ("K", BEAMS, 2)),
 }
 LARGEST: dict[str, float] = {
     "means_m": 1e6,
@@ -42,6 +45,7 @@ LARGEST: dict[str, float] = {
     "looks": 1e12,
     "finds": 1e12,
     "after_miss": 1e12,
+    "view_poses": 1e6,
 }
 """Magnitudes that no drive reaches: beyond them squares overflow."""
 FAR = 1 << 60  # of numbers of landmarks and scans
@@ -80,6 +84,7 @@ def encode_map(joint: JointMap, facts: MapFacts) -> bytes:
         "scans": joint.scans,
         "landmarks": len(joint),
         "in_state": joint.in_state,
+        "views": len(joint.views),
         "created_utc": facts.created_utc,
         "frame": facts.frame,
         "rover": facts.rover,
@@ -140,7 +145,7 @@ def decode_map(data: bytes, name: str) -> SavedMap:
 
 def _decode_joint(header: dict[str, Any], payload: bytes) -> JointMap:
     """Raises ValueError where the arrays do not make a map."""
-    sizes = {"L": int(header["landmarks"]), "S": 2 * int(header["in_state"])}
+    sizes = {"L": int(header["landmarks"]), "S": 2 * int(header["in_state"]), "K": int(header["views"])}
     arrays: dict[str, Any] = {}
     offset = 0
     for name in header["arrays"]:

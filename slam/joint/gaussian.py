@@ -75,7 +75,7 @@ class JointGaussian:
         self.state = JointState(settings, self._reach_m, self._tuning.cell_m)
         self._jump = np.zeros(2)
         self.after_miss = np.array((FIRST_LOOKS_AFTER_MISS, FIRST_FINDS_AFTER_MISS))
-        self._keyframes = np.zeros((0, 2), dtype=np.int64)
+        self.keyframe_ends = np.zeros((0, 2), dtype=np.int64)
         self.scans = self.moves = self.refused = 0
         self.evidence = Evidence()
 
@@ -94,7 +94,7 @@ class JointGaussian:
     @property
     def landmark_count(self) -> int:
         """Landmarks in the map."""
-        return self.state.atlas.count - self._keyframes.size
+        return self.state.atlas.count - self.keyframe_ends.size
 
     @property
     def landmarks_in_state(self) -> int:
@@ -104,17 +104,17 @@ class JointGaussian:
     def add_keyframe(self) -> None:
         """The pose of now becomes a keyframe: it stays in the state, or hangs on what does, as landmarks do."""
         ends = [self.state.create_end(KEYFRAME, np.zeros(3), end) for end in (AHEAD, BEHIND)]
-        self._keyframes = np.vstack((self._keyframes, ends))
+        self.keyframe_ends = np.vstack((self.keyframe_ends, ends))
 
     def forget_keyframes(self, number: int) -> None:
         """Those from this number on, as far as the state has them."""
-        self.state.take_out(self.state.atlas.holding(KEYFRAME, self._keyframes[number:].ravel()))
-        self._keyframes = self._keyframes[:number]
+        self.state.take_out(self.state.atlas.holding(KEYFRAME, self.keyframe_ends[number:].ravel()))
+        self.keyframe_ends = self.keyframe_ends[:number]
 
     def from_keyframes(self) -> FloatArray:
         """(K, 3) the body as seen from every keyframe; inf where one is outside the state."""
         state = self.state
-        places = state.atlas.place[self._keyframes]
+        places = state.atlas.place[self.keyframe_ends]
         inside = np.flatnonzero((places >= FIRST_PLACE).all(axis=1))
         seen = np.full((len(places), 3), math.inf)
         ends = (np.column_stack((state.mean[at], state.mean[at + 1])) for at in places[inside].T)
@@ -124,7 +124,7 @@ class JointGaussian:
     def from_keyframe(self, number: int) -> tuple[FloatArray, FloatArray]:
         """The body (3,) as seen from one keyframe of the state, and its covariance (3, 3)."""
         state = self.state
-        ahead, behind = state.atlas.place[self._keyframes[number]].tolist()
+        ahead, behind = state.atlas.place[self.keyframe_ends[number]].tolist()
         seen, spread, _ = between_with_covariance(state.mean, state.covariance, state.size, ahead, behind)
         return seen, spread
 
@@ -135,7 +135,7 @@ class JointGaussian:
         """
         state = self.state
         before = state.mean[:2].copy()
-        ends = state.atlas.place[self._keyframes[number]]
+        ends = state.atlas.place[self.keyframe_ends[number]]
         with state.frozen_kept():
             condition(state.mean, state.covariance, state.size, ends, off, posterior, self._invariant)
         if math.dist(state.mean[:2], before) > SHIFTED_M:
@@ -184,7 +184,7 @@ class JointGaussian:
         features = features._replace(may_create=features.may_create | (at_rest or self._variant.creation == "any"))
         sensor = sensor_pose(state.mean, self._mount)
         places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
-        if len(self._keyframes):
+        if len(self.keyframe_ends):
             places = places[state.atlas.identities[state.rows_at(places)] != KEYFRAME]
         chosen = self._associate(features, hints, places, laid)
         settled = self._settled(places, confidence.settled_before)
@@ -249,7 +249,7 @@ class JointGaussian:
         """(l,) places of all landmarks of the state."""
         state = self.state
         places: IntArray = FIRST_PLACE + 2 * np.arange(state.count)
-        return places if not len(self._keyframes) else places[state.atlas.identities[state.rows] != KEYFRAME]
+        return places if not len(self.keyframe_ends) else places[state.atlas.identities[state.rows] != KEYFRAME]
 
     def _settled(self, places: IntArray, before: int) -> BoolArray:
         """(k,) which landmarks were made before this scan's number and are likelier real than not."""

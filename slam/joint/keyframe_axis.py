@@ -37,6 +37,12 @@ def between(mean: FloatArray, ahead_m: FloatArray, behind_m: FloatArray) -> Floa
     )
 
 
+def poses_of(ends_m: FloatArray) -> FloatArray:
+    """(K, 3) map_from_body of axes whose ends (K, 2, 2) stand ahead and behind."""
+    axis = ends_m[:, 0] - ends_m[:, 1]
+    return np.column_stack((ends_m.mean(axis=1), np.arctan2(axis[:, 1], axis[:, 0])))
+
+
 @kernel
 def between_with_covariance(
     mean: FloatArray, covariance: FloatArray, n: int, ahead: int, behind: int

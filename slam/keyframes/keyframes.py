@@ -16,8 +16,11 @@ from slam.front_end.alignment_search import Search
 from slam.front_end.deskew import Beams
 from slam.front_end.wide_search import LOOSE, View, WideSearch
 from slam.joint.gaussian import JointGaussian
+from slam.joint.keyframe_axis import poses_of
+from slam.joint.state import JointState
 from slam.keyframes.far_loops import FarLoops
-from slam.pose import Pose2
+from slam.maps.views import NO_VIEWS, Views, kept_points
+from slam.pose import Pose2, composed
 
 STEP_M, STEP_RAD = 0.2, 0.15  # the rover moves or turns so far before another scan is laid onto keyframes
 NEW_M, NEW_RAD = 1.0, 0.6  # a scan becomes a keyframe where none that fits is so near
@@ -118,7 +121,7 @@ class Keyframes:
             if math.hypot(since.x_m, since.y_m) < STEP_M and abs(since.heading_rad) < STEP_RAD:
                 return False
         self._moved_from = pose.as_array()
-        points = self._points(beams)
+        points = self.thinned(beams)
         if len(points) < LEAST_POINTS:
             return False
         self._wanted = True
@@ -150,11 +153,26 @@ class Keyframes:
         )
         self._joint.add_keyframe()
 
+    def thinned(self, beams: Beams) -> FloatArray:
+        """Some of the returns (p, 2), body frame."""
+        returned = np.flatnonzero(~np.isnan(beams.ranges_m))
+        stride = max(1, -(-len(returned) // MOST_POINTS))
+        return self._body_from_laser.transform(beams.points_m[returned[::stride]])
+
+    def views(self, state: JointState, count: int) -> Views:
+        """What the first so many showed, from where a state of the joint Gaussian has them."""
+        shown = self._keyframes[:count]
+        if not shown:
+            return NO_VIEWS
+        bodies = poses_of(state.settled_means()[self._joint.keyframe_ends[: len(shown)]])
+        points = np.stack([kept_points(keyframe.points_m) for keyframe in shown])
+        return Views(composed(bodies, self._body_from_laser.as_array()), points)
+
     def lies_on(self, beams: Beams, before_scan: int) -> bool:
         """Whether the scan lies on the nearest keyframe that was made before a scan, where the pose says that it
         should, and says itself where that is, in every direction.
         """
-        points = self._points(beams)
+        points = self.thinned(beams)
         apart = self._apart(self._joint.from_keyframes())
         apart[[keyframe.scan >= before_scan for keyframe in self._keyframes]] = math.inf
         if len(points) < LEAST_POINTS or not np.isfinite(apart).any():
@@ -171,12 +189,6 @@ class Keyframes:
         self._joint.forget_keyframes(number)
         self._moved_from, self._wanted = None, False
         self._far = FarLoops()
-
-    def _points(self, beams: Beams) -> FloatArray:
-        """Some of the returns (p, 2), body frame."""
-        returned = np.flatnonzero(~np.isnan(beams.ranges_m))
-        stride = max(1, -(-len(returned) // MOST_POINTS))
-        return self._body_from_laser.transform(beams.points_m[returned[::stride]])
 
     def _apart(self, between: FloatArray) -> FloatArray:
         """(K,) how far each keyframe is away, m and turns counted as such; inf beyond reach."""

@@ -2,12 +2,12 @@
 
 Pose, constants of the odometry and keyframes are marginalised out, and so is every landmark that is not confirmed. In a
 covariance that is leaving out its rows; where a landmark outside the state hangs on one of them, it is hung on others
-first.
+first. What was seen from the keyframes is kept, so that the place is known again by its walls.
 """
 
 import copy
 import hashlib
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from slam.joint.gaussian import CONFIRMED_LOG_ODDS, KEYFRAME, JointGaussian
 from slam.joint.measurement import FIRST_PLACE
 from slam.joint.state import JointState
 from slam.joint.window import ORPHAN
+from slam.maps.views import NO_VIEWS, CentimetreArray, Views
 from slam.pose import Pose2
 
 MOST_DENSE = 4096  # points that are taken into one state to hang them anew: half a gigabyte for a moment
@@ -34,7 +35,8 @@ class JointMap:
     of all together. means_m (L, 2), covariances_m2 (L, 2, 2): of those outside the state as they were when they left
     it. block_m2 (2 s, 2 s): joint covariance of the s in the state. parents (L, 4): numbers of the landmarks that one
     outside the state hangs on (ORPHAN: none), every landmark after its parents; weights (L, 2, 8), residuals (L, 2, 2).
-    scans: how many the drive had; new landmarks of a later one are named from there on.
+    scans: how many the drive had; new landmarks of a later one are named from there on. view_poses, view_points_cm: of
+    its views.
     """
 
     identities: IntArray
@@ -50,6 +52,8 @@ class JointMap:
     block_m2: FloatArray
     after_miss: FloatArray
     scans: int
+    view_poses: FloatArray = field(default_factory=NO_VIEWS.poses.copy)
+    view_points_cm: CentimetreArray = field(default_factory=NO_VIEWS.points_cm.copy)
 
     def __post_init__(self) -> None:
         for array in self.arrays.values():
@@ -69,6 +73,11 @@ class JointMap:
         return {field.name: getattr(self, field.name) for field in fields(self) if field.name != "scans"}
 
     @property
+    def views(self) -> Views:
+        """What was seen from where."""
+        return Views(self.view_poses, self.view_points_cm)
+
+    @property
     def landmarks(self) -> LandmarkMap:
         """As they are published."""
         covariances = self.covariances_m2.copy()
@@ -84,8 +93,8 @@ class JointMap:
         return sha.digest()
 
 
-def take_map(joint: JointGaussian) -> JointMap:
-    """The confirmed landmarks of a joint Gaussian, which is not changed."""
+def take_map(joint: JointGaussian, views: Views = NO_VIEWS) -> JointMap:
+    """The confirmed landmarks of a joint Gaussian, which is not changed, and the views of its keyframes."""
     state = joint.state
     kept = _kept(state)
     away = np.flatnonzero(kept & (state.atlas.place == AWAY))
@@ -114,6 +123,8 @@ def take_map(joint: JointGaussian) -> JointMap:
         block_m2=block,
         after_miss=joint.after_miss.copy(),
         scans=joint.scans,
+        view_poses=views.poses.copy(),
+        view_points_cm=views.points_cm.copy(),
     )
 
 

@@ -5,7 +5,7 @@ reach is what chance reaches here.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,18 @@ from slam.pose import Pose2, wrap_rad
 from slam.recognise.map_index import FREE, IndexedMap, MapIndex
 from slam.recognise.prior import PosePrior, region_of
 from slam.recognise.scale import Scale
-from slam.recognise.search_kernels import AT, SAME_M, SAME_RAD, TASK, Candidates, Searched, refine, search
+from slam.recognise.search_kernels import (
+    AT,
+    REFINED_GATE_SIGMAS,
+    SAME_M,
+    SAME_RAD,
+    TASK,
+    Candidates,
+    Searched,
+    match,
+    refine,
+    search,
+)
 
 LEAST_POINTS = 4
 MOST_POINTS = 48  # the most exact ones
@@ -69,7 +80,8 @@ class Hypothesis:
 
     odds: natural logarithm, against chance, every other place and "not in the map"; mirror_odds: what the same points
     reached in the mirror. local, known (k,): identities of the matched landmarks in both maps. points: how many local
-    ones there were. is_told: only the places within a prior were looked at.
+    ones there were. is_told: only the places within a prior were looked at. by_scans: the pose is known by how
+    scans lie on the map, and the matches are what stands there.
     """
 
     map_from_body: Pose2
@@ -79,6 +91,7 @@ class Hypothesis:
     known: IntArray
     points: int
     is_told: bool = False
+    by_scans: bool = False
 
     @property
     def probability_wrong(self) -> float:
@@ -145,6 +158,19 @@ def recognise(index: MapIndex, points: LocalPoints, prior: PosePrior | None = No
     while (hypothesis := attempt.advance()) is None:
         pass
     return hypothesis
+
+
+def at_place(index: MapIndex, points: LocalPoints, place: Hypothesis) -> Hypothesis:
+    """The same place with the local points that have a landmark of the map where they should be."""
+    known = index.indexed
+    task = searched(known, points.points_m, points.variances_m2 + index.scale.sigma_m**2, index.scale, None)
+    matches = np.full(len(points), FREE, dtype=np.int64)
+    if len(points) and len(index):
+        takers = np.full(len(known.identities), FREE, dtype=np.int64)
+        match(task, known, place.map_from_body.as_array(), REFINED_GATE_SIGMAS, takers, matches)
+    matched = np.flatnonzero(matches != FREE)
+    local, landmarks = points.identities[matched], known.identities[matches[matched]]
+    return replace(place, local=local, known=landmarks, points=len(points))
 
 
 class _Side:

@@ -9,6 +9,8 @@ from slam.joint.atlas import AWAY
 from slam.joint.gaussian import CONFIRMED_LOG_ODDS, KEYFRAME, JointGaussian
 from slam.joint.state import JointState
 from slam.keyframes.keyframes import Keyframes
+from slam.maps.joint_map import JointMap, take_map
+from slam.maps.views import NO_VIEWS, Views
 from slam.pose import Pose2, wrap_rad
 from slam.recognise.attempt import Hypothesis
 from slam.recognise.confirmation import Confirmation
@@ -35,7 +37,7 @@ class Remembered:
 class Island:
     """number: its map id. index: of its rooted landmarks. tried: the local landmarks of the last attempt in it.
     remembered: how it was when the rooted part was last in view and the pose beyond doubt. is_saved: of an earlier
-    drive; it takes others in and is never taken into one.
+    drive; it takes others in and is never taken into one. saved_views: of that drive.
     """
 
     number: int
@@ -47,6 +49,18 @@ class Island:
     tried: tuple[int, ...] = ()
     remembered: Remembered | None = None
     is_saved: bool = False
+    saved_views: Views = NO_VIEWS
+
+    def views(self) -> Views:
+        """What was seen from where while the map was right for certain."""
+        kept = self.remembered
+        state, count = (self.joint.state, self.rooting.keyframes) if kept is None else (kept.state, kept.keyframes)
+        return self.saved_views.joined(self.keyframes.views(state, count))
+
+    def taken(self) -> JointMap:
+        """The map as it is now, for a later drive to begin in."""
+        views = self.keyframes.views(self.joint.state, len(self.keyframes))
+        return take_map(self.joint, self.saved_views.joined(views))
 
     def follow(self, most_changes: int | None) -> bool:
         """Bring the index up to date with the map as it is remembered; False where changes are left over."""
@@ -101,7 +115,8 @@ class Island:
     def take_in(
         self, source: JointGaussian, reach_m: float, found: Hypothesis, map_from_body: Pose2
     ) -> Conditioned | None:
-        """Put the rover where it was recognised, with what the source has around it. None where that contradicts.
+        """Put the rover where it was recognised, with what the source has around it. None where that contradicts, which
+        walls never do.
 
         source: a local map, another map, or this one, whose part since the rooted one was left is laid elsewhere. What
         this map has made since then is taken out: it stands where the pose was wrong. Far away it is turned along.
@@ -119,7 +134,7 @@ class Island:
         live = joint.state
         if self.remembered is not None:
             joint.state = self.remembered.state.copied()
-        joined = join(joint, points, same, map_from_body, scale, rows_since(joint, since))
+        joined = join(joint, points, same, map_from_body, scale, rows_since(joint, since), by_scans=found.by_scans)
         if joined is None:
             joint.state = live
             return None

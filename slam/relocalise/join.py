@@ -14,12 +14,14 @@ from slam.joint.atlas import AWAY
 from slam.joint.gaussian import KEYFRAME, JointGaussian
 from slam.joint.measurement import FIRST_PLACE
 from slam.joint.state import JointState
+from slam.maps.joint_map import tie_pose
 from slam.observations import IDENTITIES_PER_SCAN
 from slam.pose import Pose2, rotated
 from slam.recognise.attempt import LocalPoints
 from slam.recognise.scale import Scale
 from slam.relocalise.joint_compatibility import Conditioned, condition_on_matches
 
+LAID = np.diag((0.1**2, 0.1**2, 0.02**2))  # of a pose that scans say
 ANYWHERE = np.diag((100.0**2, 100.0**2, 3.0**2))  # nothing of the old pose is believed
 LEAST_MATCHES = 4
 FAR_TIMES, FAR_M2 = 4.0, 1.0  # covariance of what is turned along rigidly: its own so many times, and so much more
@@ -74,13 +76,18 @@ def join(
     map_from_body: Pose2,
     scale: Scale,
     ghosts: IntArray,
+    *,
+    by_scans: bool = False,
 ) -> Conditioned | None:
     """Put the pose where it was recognised and add the local points; None, and nothing changed, where they contradict.
 
-    known: identity in the map by identity of the local point. ghosts: rows of landmarks that are taken out.
+    known: identity in the map by identity of the local point. ghosts: rows of landmarks that are taken out. by_scans:
+    the pose is known without them; those that contradict it are not believed.
     """
     state = joint.state
     state.bring_back_around(map_from_body.x_m, map_from_body.y_m)
+    if by_scans:
+        tie_pose(joint, map_from_body, LAID)
     places = places_of(state)
     matches = [
         (index, places[known[identity]])
@@ -91,8 +98,10 @@ def join(
     mean = np.concatenate((state.mean[:n], points.points_m.ravel()))
     mean[:3] = map_from_body.as_array()
     covariance = np.zeros((len(mean), len(mean)))
-    covariance[3:n, 3:n] = state.covariance[3:n, 3:n]
-    covariance[:3, :3] = ANYWHERE
+    covariance[:n, :n] = state.covariance[:n, :n]
+    if not by_scans:
+        covariance[:3, :n], covariance[:n, :3] = 0.0, 0.0
+        covariance[:3, :3] = ANYWHERE
     covariance[n:, n:] = points.covariance_m2
 
     def gaps(at: FloatArray, kept: list[int]) -> tuple[FloatArray, FloatArray]:
@@ -107,7 +116,10 @@ def join(
             slopes[two, 2] = -seen[1], seen[0]
         return values, slopes
 
-    found = condition_on_matches(mean, covariance, gaps, len(matches), scale.same_sigma_m, 3, LEAST_MATCHES)
+    unknown, least = (0, 1) if by_scans else (3, LEAST_MATCHES)
+    found = condition_on_matches(mean, covariance, gaps, len(matches), scale.same_sigma_m, unknown, least)
+    if found is None and by_scans:
+        found, matches = Conditioned(mean, covariance, [], 0.0, 0), []
     if found is None:
         return None
     found.mean[2] = math.remainder(found.mean[2], 2.0 * math.pi)

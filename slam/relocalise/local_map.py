@@ -1,7 +1,7 @@
 """The map of what has been seen since the pose came into doubt: what is looked for in the maps that are known."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,12 +13,16 @@ from slam.observations import FeatureRows
 from slam.odometry.odometry import Increment
 from slam.pose import Pose2
 from slam.quality import QualityMonitor
+from slam.scan_search.stretch import NO_POINTS, PointArray
 from slam.visibility import SightLine
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanSeen:
-    """One scan as the joint Gaussian was told of it: motion since the scan before, features, how far it looked."""
+    """One scan as the joint Gaussian was told of it: motion since the scan before, features, how far it looked.
+
+    points_m (p, 2): some of its returns, body frame, where it was laid onto others.
+    """
 
     stamp_ns: int
     increment_mean: FloatArray
@@ -27,6 +31,7 @@ class ScanSeen:
     sight: SightLine
     seen_before_share: float | None
     at_rest: bool
+    points_m: PointArray = field(default_factory=NO_POINTS.copy)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

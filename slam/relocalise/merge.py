@@ -50,7 +50,8 @@ def merge_maps(settings: SlamSettings, first: JointMap, second: JointMap) -> Mer
         return Merged(None, best)
     tie_pose(source, best_place, EXACT)
     joined = island.take_in(source, reach_m, best, best.map_from_body)
-    return Merged(None if joined is None else take_map(into), best)
+    turned = second.views.turned(best.map_from_body @ best_place.inverse())
+    return Merged(None if joined is None else take_map(into, first.views.joined(turned)), best)
 
 
 def _joint_of(settings: SlamSettings, known: JointMap) -> JointGaussian:

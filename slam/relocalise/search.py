@@ -29,6 +29,16 @@ class Search:
     is_told: bool = False
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """Where the source's frame_from_body stands in a map, beyond reasonable doubt."""
+
+    island: Island
+    source: JointGaussian
+    frame_from_body: Pose2
+    found: Hypothesis
+
+
 def begin_search(scale: Scale, source: JointGaussian, island: Island, *, whole: bool) -> Search | None:
     """An attempt with what the source has around the rover; None where that is too little, or no other than last.
 

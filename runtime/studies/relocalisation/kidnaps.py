@@ -81,7 +81,8 @@ def set_down(drive: ToldDrive, known: JointMap, moment: int, farthest_m: float) 
         if driven_m > farthest_m:
             break
         found = rover.step(seen)
-        best = max(best, rover.relocaliser.best.odds)
+        figures = rover.relocaliser.figures
+        best = max(best, figures["search_odds"], figures["search_scan_odds"])
         if found is None or found.is_new or rover.relocaliser.awaits_saved:
             continue
         return {

@@ -7,8 +7,9 @@ import numpy as np
 from drivers.measurements import FloatArray
 from slam.estimate import Recognition
 from slam.joint.evidence import Confidence
-from slam.maps.joint_map import JointMap, take_map
+from slam.maps.joint_map import JointMap
 from slam.maps.start import MapStart, first_maps
+from slam.maps.views import NO_VIEWS
 from slam.pose import Pose2
 from slam.quality import QualityMonitor
 from slam.relocalise.local_map import ScanSeen
@@ -21,7 +22,8 @@ class StudiedRover:
 
     def __init__(self, settings: SlamSettings, start: MapStart | None = None) -> None:
         self.joint, saved = first_maps(settings, start)
-        self.relocaliser = Relocaliser(settings, self.joint, saved)
+        views = NO_VIEWS if start is None else start.known.views
+        self.relocaliser = Relocaliser(settings, self.joint, saved, views)
         self.quality = QualityMonitor(settings.quality, self.joint.scans)
         self._has_begun = False
 
@@ -53,4 +55,4 @@ class StudiedRover:
 
     def saved(self) -> JointMap:
         """The map as it is now."""
-        return take_map(self.relocaliser.lasting)
+        return self.relocaliser.lasting.taken()

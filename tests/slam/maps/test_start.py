@@ -45,7 +45,7 @@ def test_a_start_anywhere_is_recognised_and_until_then_searches(localise_only: b
         drive.step()
         steps += 1
     assert drive.recognitions
-    assert drive.joint is saved is drive.relocaliser.lasting
+    assert drive.joint is saved is drive.relocaliser.lasting.joint
     assert drive.error_m() < 0.5
     assert drive.relocaliser.judged(TRACKING) == TRACKING
     drive.circle(60, 25.0)
@@ -82,7 +82,7 @@ def test_a_start_outside_the_map_keeps_searching() -> None:
     assert not drive.recognitions
     assert drive.relocaliser.awaits_saved
     assert drive.relocaliser.judged(TRACKING).quality is Quality.LOST
-    assert drive.relocaliser.lasting is saved, "what is kept at the end is the map, and not this drive"
+    assert drive.relocaliser.lasting.joint is saved, "what is kept at the end is the map, and not this drive"
 
 
 def test_the_digest_of_a_start_tells_maps_places_and_modes_apart() -> None:

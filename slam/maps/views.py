@@ -1,0 +1,52 @@
+"""What a rover saw from where, as a map keeps it: enough to recognise a place by its walls."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.measurements import FloatArray
+from slam.pose import Pose2, composed
+
+BEAMS = 120  # of a scan are kept
+NOTHING_CM = -32768  # nothing came back
+FARTHEST_CM = 32767
+
+CentimetreArray = NDArray[np.int16]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Views:
+    """poses (K, 3), map_from_laser. points_cm (K, BEAMS, 2), laser's frame: NOTHING_CM where nothing came back."""
+
+    poses: FloatArray
+    points_cm: CentimetreArray
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def points_m(self, number: int) -> FloatArray:
+        """(p, 2) returns of one view, laser's frame."""
+        points = self.points_cm[number].astype(np.float64)
+        returned: FloatArray = 0.01 * points[points[:, 0] != NOTHING_CM]
+        return returned
+
+    def joined(self, others: "Views") -> "Views":
+        """These and others of the same map."""
+        return Views(np.vstack((self.poses, others.poses)), np.concatenate((self.points_cm, others.points_cm)))
+
+    def turned(self, new_from_old: Pose2) -> "Views":
+        """The same in another map."""
+        return Views(composed(new_from_old.as_array()[None], self.poses), self.points_cm)
+
+
+NO_VIEWS = Views(np.zeros((0, 3)), np.zeros((0, BEAMS, 2), dtype=np.int16))
+
+
+def kept_points(points_m: FloatArray) -> CentimetreArray:
+    """(BEAMS, 2) of a scan's points (n, 2), NaN where nothing came back: every so-many-th."""
+    some = points_m[:: max(1, -(-len(points_m) // BEAMS))]
+    known = np.isfinite(some).all(axis=1)
+    kept = np.full((BEAMS, 2), NOTHING_CM, dtype=np.int16)
+    kept[np.flatnonzero(known)] = np.clip(np.rint(100.0 * some[known]), -FARTHEST_CM, FARTHEST_CM)
+    return kept

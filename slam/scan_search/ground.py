@@ -1,0 +1,88 @@
+"""What the views of a map say of the ground: where something stands, where nothing does, and where a rover can be."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slam.compiled import kernel
+from slam.maps.occupancy_grid import FREE, OCCUPIED, GridMap, OccupancyArray, OccupancyGrid
+from slam.maps.views import Views
+
+CELL_M = 0.15
+MOST_CELLS = 8_000_000  # 64 MB while it is made; what lies beyond them is not looked at
+FINE_CELLS, COARSE_CELLS = 1, 2  # so near to something a return counts as one of it
+STEP_CELLS = 3  # between positions that are tried
+NEAR_M = 2.5  # a rover comes back as near as this to where one was
+
+CellArray = NDArray[np.int32]
+
+
+class Ground(NamedTuple):
+    """fine, coarse (rows, columns): 1 where a return is expected, -1 in the open, 0 where nothing is known. places
+    (D, 2): rows and columns of positions that are tried. x_m, y_m: the lower left corner of the first cell.
+    """
+
+    fine: OccupancyArray
+    coarse: OccupancyArray
+    places: CellArray
+    x_m: float
+    y_m: float
+
+
+class Plan:
+    """The ground as views show it, made in slices. ground: None until it is finished."""
+
+    def __init__(self, views: Views) -> None:
+        self._views = views
+        self._grid = OccupancyGrid(CELL_M, MOST_CELLS)
+        self.added = 0
+        self.ground: Ground | None = None
+
+    def advance(self, most_views: int) -> bool:
+        """Add so many views at most; True when it is finished."""
+        if self.ground is not None:
+            return True
+        last = min(self.added + most_views, len(self._views))
+        for number in range(self.added, last):
+            pose, points = self._views.poses[number], self._views.points_m(number)
+            cosine, sine = np.cos(pose[2]), np.sin(pose[2])
+            ends = pose[:2] + points @ np.array(((cosine, sine), (-sine, cosine)))
+            try:
+                self._grid.add(pose[:2], ends, np.ones(len(ends), dtype=np.bool_))
+            except MemoryError:
+                continue
+        self.added = last
+        if last == len(self._views):
+            self.ground = ground_of(self._grid.grid_map(), self._views)
+            del self._grid
+        return self.ground is not None
+
+
+def ground_of(grid: GridMap, views: Views) -> Ground:
+    """What is tried and what counts there."""
+    occupancy, corner = grid.occupancy, np.array(grid.origin_m)
+    near = np.zeros(occupancy.shape, dtype=np.bool_)
+    reach = round(NEAR_M / CELL_M)
+    for column, row in np.floor((views.poses[:, :2] - corner) / CELL_M).astype(np.int64).tolist():
+        near[max(row - reach, 0) : max(row + reach + 1, 0), max(column - reach, 0) : max(column + reach + 1, 0)] = True
+    free = np.argwhere(near & (occupancy == FREE)) // STEP_CELLS
+    places = (STEP_CELLS * np.unique(free, axis=0).reshape(-1, 2) + STEP_CELLS // 2).astype(np.int32)
+    x_m, y_m = grid.origin_m
+    return Ground(expected(occupancy, FINE_CELLS), expected(occupancy, COARSE_CELLS), places, x_m, y_m)
+
+
+@kernel
+def expected(occupancy: OccupancyArray, reach: int) -> OccupancyArray:
+    """1 within reach cells of what is occupied, else -1 where it is free, else 0."""
+    rows, columns = occupancy.shape
+    values = np.zeros(occupancy.shape, dtype=np.int8)
+    for row in range(rows):
+        for column in range(columns):
+            if occupancy[row, column] == FREE and values[row, column] == 0:
+                values[row, column] = -1
+            elif occupancy[row, column] == OCCUPIED:
+                for other in range(max(row - reach, 0), min(row + reach + 1, rows)):
+                    for across in range(max(column - reach, 0), min(column + reach + 1, columns)):
+                        values[other, across] = 1
+    return values
