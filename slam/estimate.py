@@ -42,7 +42,8 @@ class Recognition:
     """The rover's place was recognised in a map, or a new map was begun because it was in none.
 
     map_id: of the map that the pose is in from now on. joined: the map that became part of it, 0 for none. odds: their
-    natural logarithm; mirror_odds: the honest figure of what chance reached. moved_m, turned_rad: the jump of the pose.
+    natural logarithm; mirror_odds: the honest figure of what chance reached. by_scans: known by how scans lie on the
+    map; matches: landmarks. moved_m, turned_rad: the jump of the pose.
     """
 
     map_id: int
@@ -51,6 +52,7 @@ class Recognition:
     odds: float = 0.0
     mirror_odds: float = 0.0
     probability_wrong: float = 0.0
+    by_scans: bool = False
     matches: int = 0
     moved_m: float = 0.0
     turned_rad: float = 0.0
@@ -58,7 +60,7 @@ class Recognition:
     @property
     def figures(self) -> dict[str, float]:
         """For the record, as counts of the estimate at this scan."""
-        names = ("map_id", "is_new", "joined", "odds", "mirror_odds", "matches", "moved_m", "turned_rad")
+        names = ("map_id", "is_new", "joined", "odds", "mirror_odds", "by_scans", "matches", "moved_m", "turned_rad")
         figures = {f"recognised_{name}": float(getattr(self, name)) for name in names}
         return {name: value for name, value in figures.items() if math.isfinite(value)}
 

@@ -74,7 +74,7 @@ def paper(
     "places" drives through every public recording, with its own configuration file and with the defaults, through a
     simulated building, and with beams that drop out. "recognition" looks for places in generated maps, and for places
     that are in none; 20 seeds make 30 000 of these. "relocalisation" puts rovers down in maps of earlier drives:
-    worlds, recordings, sessions, localise, slips.
+    worlds, recordings, sessions, strangers, localise, slips.
     """
     chosen = [*(sets or []), *(more or [])]
     if part is Part.PLACES:

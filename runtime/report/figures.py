@@ -133,6 +133,7 @@ def _recognitions(facts: RunFacts) -> list[dict[str, Any]]:
                 "map_id": int(of["map_id"]),
                 "is_new": bool(of["is_new"]),
                 "joined": int(of["joined"]),
+                "by_scans": bool(of.get("by_scans", 0.0)),
                 "matches": int(of["matches"]),
                 "odds": round(of["odds"], 1),
                 "mirror_odds": round(mirror, 1) if np.isfinite(mirror) else None,

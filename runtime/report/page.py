@@ -140,7 +140,8 @@ def _recognition_row(found: dict[str, Any]) -> tuple[object, ...]:
         return (f"{found['time_s']:.1f}", where, "", "", "", "")
     mirror = "" if found["mirror_odds"] is None else f"{found['mirror_odds']:.0f}"
     moved = f"{found['moved_m']:.2f} m, {found['turned_deg']:.0f} deg"
-    return (f"{found['time_s']:.1f}", where, found["matches"], f"{found['odds']:.0f}", mirror, moved)
+    matches = f"walls, {found['matches']}" if found["by_scans"] else found["matches"]
+    return (f"{found['time_s']:.1f}", where, matches, f"{found['odds']:.0f}", mirror, moved)
 
 
 def _sensor_row(name: str, sensor: dict[str, Any]) -> tuple[object, ...]:

@@ -225,6 +225,7 @@ class Relocaliser:
             odds=found.odds,
             mirror_odds=found.mirror_odds,
             probability_wrong=found.probability_wrong,
+            by_scans=found.by_scans,
             matches=len(done.kept),
             moved_m=math.hypot(off.x_m, off.y_m),
             turned_rad=wrap_rad(off.heading_rad),

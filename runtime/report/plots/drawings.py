@@ -179,9 +179,9 @@ def _filter(plots: Plots, facts: RunFacts, findings: Sequence[Finding]) -> Secti
     over_time(plots, section, "Effective particles", counted("effective_particles"), "particles")
     over_time(plots, section, "Features and matches in a scan", counted("features", "matched"), "number")
     over_time(plots, section, "Landmarks of the best particle", counted("landmarks"), "number")
-    if np.nan_to_num(ticks.counts.get("search_landmarks", nothing)).any():
-        searched = counted("search_odds", "search_mirror_odds", "search_landmarks")
-        over_time(plots, section, "Searching the known maps", searched, "odds, landmarks")
+    if any(np.nan_to_num(ticks.counts.get(name, nothing)).any() for name in ("search_landmarks", "search_scan_odds")):
+        searched = counted("search_odds", "search_mirror_odds", "search_scan_odds")
+        over_time(plots, section, "Searching the known maps", searched, "odds")
     return section
 
 

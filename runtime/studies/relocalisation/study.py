@@ -14,13 +14,15 @@ from runtime.studies.relocalisation.kidnaps import kidnap_trial, world_trial
 from runtime.studies.relocalisation.localisation import localise_trial
 from runtime.studies.relocalisation.sessions import session_trial
 from runtime.studies.relocalisation.slips import slip_trial
+from runtime.studies.relocalisation.strangers import stranger_trial
 
-PARTS = ("worlds", "recordings", "sessions", "localise", "slips")
+PARTS = ("worlds", "recordings", "sessions", "strangers", "localise", "slips")
 KIDNAPPED_IN = {"victoria_park": 100, "intel_lab": 60}  # recordings, and how often
 MAPPED_SHARE = 0.6
 WORLDS = (("P", 0.0), ("V2", 0.0), ("P", 0.3), ("P", 0.5))
 PLACES_A_WORLD = 5  # twenty seeds make 100
 SESSIONS = ("wean_hall_1", "wean_hall_3", "wean_hall_4")
+STRANGERS = ("intel_lab", "fr079_a", "belgioioso", "seattle", "aces_austin", "fr101", "edmonton", "wean_hall_1")
 SLIPPED_IN, SLIPS = "victoria_park", 32
 MOST_LOCALISED = 8  # seeds
 RIGHT_M = 5.0
@@ -71,6 +73,9 @@ def jobs_of(part: str, seeds: int, data: str, code: str) -> list[Job]:
         case "sessions":
             told = [{"mapped": one, "driven": other} for one in SESSIONS for other in SESSIONS if one != other]
             return [Job(session_trial, {"data": data, "code": code, **one}) for one in told]
+        case "strangers":
+            told = [{"driven": one, "maps": list(STRANGERS)} for one in STRANGERS]
+            return [Job(stranger_trial, {"data": data, "code": code, **one}) for one in told]
         case "localise":
             some = range(min(seeds, MOST_LOCALISED))
             told = [{"kind": kind, "seed": seed} for kind in ("P", "V2") for seed in some]

@@ -44,7 +44,7 @@ class ToldDrive:
         return float(sum(np.hypot(*scan.increment_mean[:2]) for scan in self.seen[first + 1 : last + 1]))
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=8)
 def recorded(data: str, name: str, shares: tuple[float, ...]) -> ToldDrive:
     """A recording with the set's own file, and the maps after these shares of its scans. Raises DataSetError.
 

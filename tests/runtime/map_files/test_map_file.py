@@ -75,9 +75,9 @@ def test_every_flipped_byte_is_noticed() -> None:
 
 def test_a_newer_format_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr("runtime.map_files.map_file.FORMAT", 2)
+        patch.setattr("runtime.map_files.map_file.FORMAT", 3)
         newer = map_bytes()
-    with pytest.raises(NotAMapError, match="has format 2, but this release reads 1"):
+    with pytest.raises(NotAMapError, match="has format 3, but this release reads 2"):
         decode_map(newer, "hall.map")
 
 
