@@ -149,12 +149,6 @@ def _sensor_reasons(sensors: Mapping[str, SensorHealth]) -> list[str]:
     ]
 
 
-def evidence(found: Recognition) -> str:
-    """What a place was recognised by."""
-    walls = "walls and " if found.by_scans else ""
-    return f"{walls}{found.matches} landmarks"
-
-
 def _recognised(stamp_ns: int, found: Recognition | None) -> tuple[Event, ...]:
     """The event of a place that was recognised, or of a new map."""
     if found is None:
@@ -163,8 +157,9 @@ def _recognised(stamp_ns: int, found: Recognition | None) -> tuple[Event, ...]:
         text = f"lost in unknown surroundings: map {found.map_id} begins here; the earlier ones are kept and searched"
         return (Event(stamp_ns, "pose", "new map", text, Severity.WARN),)
     joined = f", which map {found.joined} has become part of" if found.joined else ""
+    walls = "walls and " if found.by_scans else ""
     text = (
-        f"recognised in map {found.map_id}{joined}: by {evidence(found)}, odds {found.odds:.0f} "
+        f"recognised in map {found.map_id}{joined}: by {walls}{found.matches} landmarks, odds {found.odds:.0f} "
         f"(mirror image {found.mirror_odds:.0f}), wrong with a probability of "
         f"{found.probability_wrong:.1g}; the pose moved {found.moved_m:.1f} m and "
         f"{math.degrees(found.turned_rad):.0f} deg"

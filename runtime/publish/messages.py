@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from drivers.measurements import Event, Scan, SensorHealth, SensorState
-from runtime.health import Health, PlaceInMap, RunState, evidence
+from runtime.health import Health, PlaceInMap, RunState
 from runtime.messages.definitions import construct, serialize
 from runtime.messages.map_json import json_bytes
 from runtime.messages.ros import header
@@ -68,10 +68,10 @@ def _place(place: PlaceInMap, now_ns: int) -> dict[str, Any]:
     shown: dict[str, Any] = {"id": place.map_id, "for_s": round((now_ns - place.since_ns) * 1e-9, 1)}
     found, then_ns = place.recognition, place.recognised_ns
     if found is None or then_ns is None:
-        return shown | dict.fromkeys(("recognised_s_ago", "by", "matches", "odds", "mirror_odds"))
+        return shown | dict.fromkeys(("recognised_s_ago", "by_scans", "matches", "odds", "mirror_odds"))
     return shown | {
         "recognised_s_ago": round((now_ns - then_ns) * 1e-9, 1),
-        "by": evidence(found),
+        "by_scans": found.by_scans,
         "matches": found.matches,
         "odds": round(found.odds, 1),
         "mirror_odds": round(found.mirror_odds, 1) if math.isfinite(found.mirror_odds) else None,

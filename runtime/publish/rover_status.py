@@ -47,6 +47,7 @@ class _Map(_Part):
     id: Count
     for_s: Number
     recognised_s_ago: Number | None
+    by_scans: bool | None = None
     matches: Count | None
     odds: Number | None
     mirror_odds: Number | None

@@ -94,7 +94,8 @@ def map_words(place: Mapping[str, Any]) -> str:
     words = f"map {place['id']} for {place['for_s']:.0f} s"
     if place["recognised_s_ago"] is None:
         return words
-    by = f"by {place['by']}, odds {place['odds']:.0f}"
+    walls = "walls and " if place["by_scans"] else ""
+    by = f"by {walls}{place['matches']} landmarks, odds {place['odds']:.0f}"
     return f"{words}, recognised {place['recognised_s_ago']:.0f} s ago {by}"
 
 

@@ -113,5 +113,7 @@ def test_a_status_names_the_map_and_the_last_recognition() -> None:
     words = "map 1 for 10 s, recognised 4 s ago by 9 landmarks, odds 16"
     assert status_line(status).endswith(f"rover1  degraded  {words}  laser stale: no scan for 1.2 s")
     assert any(words in line for line in status_table([status]))
+    by_walls = replace(health, place=PlaceInMap(1, 0, 9_000_000_000, replace(found, by_scans=True)))
+    assert "by walls and 9 landmarks" in status_line(status_object("rover1", 7, None, 10.0, by_walls))
     unknown = replace(health, place=PlaceInMap(2, 3_000_000_000))
     assert "map 2 for 10 s  laser" in status_line(status_object("rover1", 7, None, 10.0, unknown))
