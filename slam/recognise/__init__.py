@@ -1,1 +1,1 @@
-"""Where in a known map is the rover, and how sure is that? Begin at attempt.py."""
+"""Where in a known map is the rover by its landmarks, and how sure is that? Begin at attempt.py."""

@@ -1,1 +1,1 @@
-"""Where on the plan of a map the scans of the last metres lie: how a place is recognised by its walls."""
+"""Where on the map do the scans of the last metres lie, and how sure is that? Begin at laying.py."""
