@@ -9,6 +9,7 @@ HOW_TO_INSTALL = {
     "rerun": "pip install rerun-sdk, or drive without a picture: review.live = false",
     "gtsam": "pip install 'infant[smooth]'",
     "matplotlib": "pip install 'infant[review]'",
+    "foxglove": "pip install 'infant[foxglove]'",
     "starlette": "pip install 'infant[page]'",
     "uvicorn": "pip install 'infant[page]'",
     "cyclonedds": "pip install 'infant[ros2]' on x86-64 with Python up to 3.13, or use infant bridge rclpy",

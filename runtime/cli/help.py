@@ -49,6 +49,7 @@ EXAMPLES = {
     "soak": ("infant soak --minutes 5",),
     "bench": ("infant bench", "infant bench runs/yard"),
     "bridge ros2": ("infant bridge ros2 --domain 7",),
+    "bridge foxglove": ("infant bridge foxglove", "infant bridge foxglove --connect 192.168.1.20"),
     "bridge rclpy": ("infant bridge rclpy --out infant_node.py",),
     "page": ("infant page",),
     "log info": ("infant log info runs/yard",),

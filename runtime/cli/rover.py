@@ -1,4 +1,4 @@
-"""Commands that speak to a running rover: command, page, bridge ros2, bridge rclpy."""
+"""Commands that speak to a running rover: command, page, bridge."""
 
 import sys
 from enum import StrEnum
@@ -24,6 +24,9 @@ ZenohFile = Annotated[
 ]
 Duration = Annotated[float | None, typer.Option("--duration", min=1.0, help="seconds; default: until Ctrl-C")]
 
+Resolution = Annotated[float, typer.Option(min=0.02, max=10.0, help="cell size of /map, m")]
+Grid = Annotated[bool, typer.Option("--map/--no-map", help="whether to make /map from poses and scans")]
+
 
 def ros2(
     rover: Rover = None,
@@ -37,8 +40,8 @@ def ros2(
     frame_prefix: Annotated[
         str | None, typer.Option("--frame-prefix", help="prefix of the frames; default: the rover's name; '' for none")
     ] = None,
-    resolution: Annotated[float, typer.Option(min=0.02, max=10.0, help="cell size of /map, m")] = 0.1,
-    grid: Annotated[bool, typer.Option("--map/--no-map", help="whether to make /map from poses and scans")] = True,
+    resolution: Resolution = 0.1,
+    grid: Grid = True,
     duration: Duration = None,
     as_json: AsJson = False,
 ) -> None:
@@ -49,6 +52,26 @@ def ros2(
     cell_m = resolution if grid else None
     options = BridgeOptions(connect, rover, file, domain, interface, namespace, frame_prefix, cell_m)
     result = bridge_ros2(options, stopping(duration), sys.stderr)
+    answer(result, (f"{topic:<24} {count}" for topic, count in result["sent"].items()), as_json)
+
+
+def foxglove(
+    rover: Rover = None,
+    connect: Connect = None,
+    zenoh_file: ZenohFile = None,
+    host: Annotated[str, typer.Option("--host", help="address at which to serve")] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="TCP port; 0 takes any free one")] = 8765,
+    resolution: Resolution = 0.1,
+    grid: Grid = True,
+    duration: Duration = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show a running rover to Foxglove and Lichtblick over WebSocket, read-only, from a separate process."""
+    from runtime.bridge.foxglove import FoxgloveOptions, bridge_foxglove
+
+    file = None if zenoh_file is None else str(zenoh_file)
+    options = FoxgloveOptions(connect, rover, file, host, port, resolution if grid else None)
+    result = bridge_foxglove(options, stopping(duration), sys.stderr)
     answer(result, (f"{topic:<24} {count}" for topic, count in result["sent"].items()), as_json)
 
 
@@ -153,5 +176,5 @@ def page(
 
 
 COMMANDS = (command, page)
-BRIDGE_COMMANDS = (ros2, rclpy)
-BRIDGE_HELP = "Show a running rover to ROS 2."
+BRIDGE_COMMANDS = (ros2, rclpy, foxglove)
+BRIDGE_HELP = "Show a running rover to ROS 2, Foxglove or Lichtblick."

@@ -13,8 +13,9 @@ import pytest
 from typer.testing import CliRunner
 
 from runtime.bridge import rclpy_node
+from runtime.bridge.bridge import Bridge
 from runtime.bridge.frame_prefix import with_prefix
-from runtime.bridge.ros2 import Bridge, BridgeOptions, bridge_ros2
+from runtime.bridge.ros2 import BridgeOptions, bridge_ros2
 from runtime.bridge.topics import TOPICS, in_namespace
 from runtime.cli.__main__ import app
 from runtime.errors import SensorError, UsageError

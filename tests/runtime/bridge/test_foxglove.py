@@ -1,0 +1,96 @@
+"""A client that speaks Foxglove's protocol sees the rover, also one that comes late; faults are one sentence."""
+
+import asyncio
+import io
+import json
+import re
+import socket
+import struct
+import threading
+from typing import Any
+
+import pytest
+
+from runtime.bridge.foxglove import FoxgloveOptions, FoxgloveServer, bridge_foxglove
+from runtime.bridge.topics import TOPICS
+from runtime.errors import SensorError
+from runtime.messages.definitions import deserialize
+from tests.support.zenoh.wire import free_port, opened, publishing, put_ticks, settings_on, until
+
+pytest.importorskip("foxglove", reason="foxglove-sdk is not installed; make test installs it")
+from tornado.httpclient import HTTPRequest
+from tornado.websocket import websocket_connect
+
+WAIT_S = 60.0
+NOT_AT_ONCE = ("particles", "path", "grid", "health")  # once a second or less, or when something changes
+MESSAGE = 1  # opcode; then the subscription, the stamp and the message
+
+
+async def heard(port: int, wanted: set[str]) -> dict[str, Any]:
+    """One message of each wanted topic, decoded, as a viewer that has just connected gets it."""
+    request = HTTPRequest(f"ws://127.0.0.1:{port}/")
+    connection = await websocket_connect(request, subprotocols=["foxglove.sdk.v1"], max_message_size=1 << 28)
+    channels: dict[int, tuple[str, str]] = {}
+    found: dict[str, Any] = {}
+    while wanted - found.keys():
+        said = await asyncio.wait_for(connection.read_message(), WAIT_S)
+        assert said is not None, f"closed after {sorted(found)}"
+        if isinstance(said, str):
+            told = json.loads(said)
+            fresh = [each for each in told.get("channels", ()) if each["topic"] in wanted]
+            assert all((each["encoding"], each["schemaEncoding"]) == ("cdr", "ros2msg") for each in fresh)
+            channels |= {each["id"]: (each["topic"], each["schemaName"]) for each in fresh}
+            asked = [{"id": each["id"], "channelId": each["id"]} for each in fresh]
+            await connection.write_message(json.dumps({"op": "subscribe", "subscriptions": asked}))
+        elif said[0] == MESSAGE:
+            topic, type_name = channels[struct.unpack_from("<I", said, 1)[0]]
+            found[topic] = deserialize(type_name, said[13:])
+    connection.close()
+    return found
+
+
+def test_a_viewer_that_comes_late_gets_every_topic_and_what_is_said_once() -> None:
+    port, stop, said = free_port(), threading.Event(), io.StringIO()
+    options = FoxgloveOptions(connect=f"tcp/127.0.0.1:{port}", rover="r1", port=0)
+    with publishing(settings_on(port)) as publisher:
+        assert opened(publisher)
+        driving = threading.Event()
+
+        def drive() -> None:
+            seq = 0
+            while not driving.is_set():
+                put_ticks(publisher, range(seq, seq + 5), 0.1)
+                seq += 5
+
+        wheels = threading.Thread(target=drive)
+        wheels.start()
+        bridge = threading.Thread(target=bridge_foxglove, args=(options, stop, said))
+        bridge.start()
+        try:
+            assert until(lambda: "is served" in said.getvalue(), WAIT_S)
+            served = int(re.findall(r":(\d+)\n", said.getvalue())[0])
+            wanted = {topic.name for topic in TOPICS if topic.key not in NOT_AT_ONCE}
+            first = asyncio.run(heard(served, wanted))
+            again = asyncio.run(heard(served, {"/tf_static", "/pose"}))
+        finally:
+            driving.set()
+            wheels.join()
+            stop.set()
+            bridge.join()
+    assert first["/pose"].header.frame_id == "map"
+    assert again["/tf_static"] == first["/tf_static"]
+    assert {each.child_frame_id for each in first["/tf_static"].transforms} == {"laser"}
+
+
+def test_a_port_in_use_and_an_address_not_ours_are_one_sentence() -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with pytest.raises(SensorError, match=r"cannot be served: .*; give others with --host and --port"):
+            FoxgloveServer("r1", "127.0.0.1", taken.getsockname()[1])
+    with pytest.raises(SensorError, match="cannot be served"):
+        FoxgloveServer("r1", "203.0.113.7", 0)
+    with pytest.raises(SensorError, match="does not answer"):
+        bridge_foxglove(
+            FoxgloveOptions(connect=f"tcp/127.0.0.1:{free_port()}", rover="r1"), threading.Event(), io.StringIO()
+        )
