@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.begin_in import BeginIn, LocaliseOnly, StartAt
-from runtime.cli.output import say, say_json
+from runtime.cli.output import say, say_json, say_states
 from runtime.cli.progress import AsJson, busy
 
 Config = Annotated[
@@ -68,7 +68,8 @@ def run(
     stop = stop_on_signals()
     folder = RunFolder.create(out, Path(configuration.record.folder))
     manager = ServiceManager(os.environ.get("NOTIFY_SOCKET", ""))
-    summary = run_live(configuration, folder, Host(MonotonicClock(), stop, sys.stderr, manager), duration, start=start)
+    host = Host(MonotonicClock(), stop, sys.stderr, manager, "NO_COLOR" not in os.environ)
+    summary = run_live(configuration, folder, host, duration, start=start)
     as_service = bool(os.environ.get("NOTIFY_SOCKET"))  # systemd would call a service that was stopped a failed one
     if not summary["ticks"]:
         folder.remove()
@@ -190,7 +191,7 @@ def check(
         checks.append(each)
         if not as_json:
             remedy = f"; {each.remedy}" if each.remedy else ""
-            say(f"{each.verdict:4s} {each.name:13s} {each.reason}{remedy}")
+            say_states(f"{each.verdict:4s} {each.name:13s} {each.reason}{remedy}")
     if as_json:
         say_json({"config": str(config), "sha256": configuration.sha256} | preflight_result(checks))
     if worst_result(checks) is CheckResult.FAIL:
@@ -224,7 +225,7 @@ def status(
             say_json({"rovers": statuses})
         elif statuses:
             lines = map(rovers.status_line, statuses) if watch else rovers.status_table(statuses)
-            say(*lines)
+            say_states(*lines)
         if not statuses and not watch:
             raise SensorError(rovers.silence_sentence(endpoints))
 

@@ -1,13 +1,14 @@
 """What commands print: lines for a person, in which no foreign text moves a cursor or begins a line, or one JSON."""
 
 import json
+import os
 from collections.abc import Iterable
 from contextvars import ContextVar
 from typing import Any
 
 import typer
 
-from runtime.printable import printable
+from runtime.printable import coloured, printable
 
 WHOLE = 1 << 30  # characters: lines are not cut here
 
@@ -27,6 +28,12 @@ def has_answered() -> bool:
 def say(*lines: str, err: bool = False) -> None:
     """Print lines; each stays one."""
     typer.echo("\n".join(printable(line, WHOLE) for line in lines), err=err)
+
+
+def say_states(*lines: str) -> None:
+    """Lines that name a state, in colour where that is a terminal whose user has nothing against it."""
+    shown = [printable(line, WHOLE) for line in lines]
+    typer.echo("\n".join(shown if "NO_COLOR" in os.environ else map(coloured, shown)))  # strips them elsewhere
 
 
 def say_json(value: Any) -> None:

@@ -33,12 +33,15 @@ MakeParts = Callable[[Configuration, RunFolder, Clock], Parts]
 
 @dataclass(frozen=True, slots=True)
 class Host:
-    """What a run gets from whoever starts it: time, the wish to stop, a stream for people, the service manager."""
+    """What a run gets from whoever starts it: time, the wish to stop, a stream for people and whether that may have
+    colours, the service manager.
+    """
 
     clock: Clock
     stop: threading.Event
     stream: TextIO
     manager: ServiceManager
+    has_colours: bool = False
 
 
 def run_live(
@@ -99,7 +102,7 @@ class Watch:
 
     def __init__(self, host: Host, parts: Parts, rate_hz: float) -> None:
         self.monitor = HealthMonitor()
-        self.line = StatusLine(host.stream)
+        self.line = StatusLine(host.stream, host.has_colours)
         self._host = host
         self._parts = parts
         self._rate_hz = rate_hz

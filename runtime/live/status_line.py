@@ -6,7 +6,7 @@ from typing import TextIO
 
 from drivers.stoppable_thread import StoppableThread
 from runtime.health import Health
-from runtime.printable import printable
+from runtime.printable import coloured, printable
 from runtime.tick import CompletedTick, Tick
 
 TERMINAL_PERIOD_S = 0.5
@@ -17,8 +17,10 @@ LONGEST = 1000  # characters
 class StatusLine:
     """Shows the latest tick twice a second on a terminal, and every 10 s as a plain line elsewhere."""
 
-    def __init__(self, stream: TextIO) -> None:
+    def __init__(self, stream: TextIO, has_colours: bool = False) -> None:
+        """has_colours: the state has a colour where the stream is a terminal."""
         self._stream = stream
+        self._has_colours = has_colours
         self._terminal = stream.isatty()
         self._latest: tuple[CompletedTick, Health] | None = None
         self._counted: Tick | None = None
@@ -59,6 +61,7 @@ class StatusLine:
             now, before = latest[0].tick, self._counted or latest[0].tick
             rate_hz = (now.seq - before.seq) * 1e9 / max(1, now.stamp_ns - before.stamp_ns)
             text = printable(status_text(*latest, rate_hz), LONGEST)
+            text = coloured(text) if self._has_colours and self._terminal else text
             self.write(f"\r\x1b[K{text}" if self._terminal else f"{text}\n")
             shown, self._counted = latest, now
 

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.printable import printable, printable_lines
+from runtime.printable import coloured, printable, printable_lines
 from tests.support.examples import examples
 
 
@@ -37,3 +37,16 @@ def test_a_long_text_is_cut_and_says_so() -> None:
 
 def test_a_sentence_of_ours_keeps_its_lines() -> None:
     assert printable_lines("one\ntwo\x1b") == "one\ntwo\\x1b"
+
+
+@pytest.mark.parametrize(
+    ("line", "shown"),
+    [
+        ("WARN clock  not synchronised: failed", "\x1b[33mWARN\x1b[0m clock  not synchronised: failed"),
+        ("r1  host  degraded  12  laser:stale", "r1  host  \x1b[33mdegraded\x1b[0m  12  laser:stale"),
+        ("tick 12  lost (pose lost)", "tick 12  \x1b[31mlost\x1b[0m (pose lost)"),
+        ("tick 12  landmarks 3", "tick 12  landmarks 3"),
+    ],
+)
+def test_the_first_state_of_a_line_has_its_colour(line: str, shown: str) -> None:
+    assert coloured(line) == shown

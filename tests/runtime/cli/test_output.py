@@ -27,6 +27,19 @@ def test_a_line_stays_one_line_and_json_stays_json(capsys: pytest.CaptureFixture
     assert json.loads(said) == {"reason": "\x1b\x7f\n"}
 
 
+@pytest.mark.parametrize(("unwanted", "begins"), [({}, b"\x1b[32mPASS\x1b[0m conf"), ({"NO_COLOR": "1"}, b"PASS conf")])
+def test_states_have_colours_on_a_terminal_only_and_for_those_who_want_them(
+    unwanted: dict[str, str], begins: bytes
+) -> None:
+    command = [sys.executable, "-m", "runtime.cli", "check", "--config", "mock"]
+    ours, terminal = os.openpty()
+    subprocess.run(command, stdout=terminal, cwd=ROOT, check=True, env=os.environ | unwanted)
+    os.close(terminal)
+    with os.fdopen(ours, "rb", buffering=0) as screen:
+        assert screen.read(200).startswith(begins)
+    assert subprocess.run(command, capture_output=True, cwd=ROOT, check=True).stdout.startswith(b"PASS conf")
+
+
 def test_streams_that_are_closed_are_no_defect() -> None:
     command = f"exec {sys.executable} -m runtime.cli log info nothing <&- >&- 2>&-"
     ended = subprocess.run(command, shell=True, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=False)
