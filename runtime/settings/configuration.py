@@ -119,7 +119,7 @@ def load_configuration(path: Path | str, overrides: Mapping[str, str] | None = N
     """
     path = shipped_configuration(Path(path))
     try:
-        text = read_bounded(path, LARGEST_BYTES).decode()
+        text = read_bounded(path, LARGEST_BYTES).decode("utf-8-sig")  # editors of Windows begin a file with a mark
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: byte {error.start} is not UTF-8; save the file as UTF-8 text") from error
     except (OSError, ValueError) as error:

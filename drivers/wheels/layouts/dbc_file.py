@@ -19,13 +19,17 @@ MOST_NAMED = 12
 ENCODINGS = ("utf-8-sig", "cp932", "cp1252", "latin-1")  # names are ASCII; whichever fits shows a unit as it was meant
 UTF16 = (b"\xff\xfe", b"\xfe\xff")
 COMMENT = re.compile(r'^[ \t]*CM_\s[^"\n]*"(?:[^"\\]|\\.)*"\s*;', re.MULTILINE)
-BO_LINE = re.compile(r"^\s*BO_\s+(\d+)\s+(\w+)\s*:\s*(\d+)")
+BO_LINE = re.compile(r"^\s*BO_\s+(\d{1,10})\s+(\w+)\s*:\s*(\d{1,9})\b")
 SG_LINE = re.compile(
-    r"^\s*SG_\s+([A-Za-z_]\w*)\s*(M|m\d+M?)?\s*:\s*(\d+)\s*\|\s*(\d+)\s*@\s*([01])\s*([+-])"
+    r"^\s*SG_\s+([A-Za-z_]\w*)\s*(M|m\d+M?)?\s*:\s*(\d{1,4})\s*\|\s*(\d{1,4})\s*@\s*([01])\s*([+-])"
     r"\s*\(\s*([^,()]+?)\s*,\s*([^,()]+?)\s*\)\s*(?:\[\s*([^|\]]*?)\s*\|\s*([^|\]]*?)\s*\])?"
 )
-LONG_NAME = re.compile(r'^\s*BA_\s+"System(Message|Signal)LongSymbol"\s+(?:BO_|SG_)\s+(\d+)\s+(?:(\w+)\s+)?"(\w+)"')
+LONG_NAME = re.compile(
+    r'^\s*BA_\s+"System(Message|Signal)LongSymbol"\s+(?:BO_|SG_)\s+(\d{1,10})\s+(?:(\w+)\s+)?"(\w+)"'
+)
 STANDARD_ID, EXTENDED_BIT = 0x7FF, 1 << 31
+LONGEST_MESSAGE = 64  # bytes of a CAN FD frame; cantools makes a number of as many bits as a message says it has
+LONGEST_NUMBER = 10  # digits of an id
 KEPT = ("SIG_VALTYPE_", "SG_MUL_VAL_")
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?")
 
@@ -43,6 +47,11 @@ def dbc_messages(path: Path, names: Iterable[str], signals: Collection[str] = ()
     for block in chosen:
         if by_name[block.name] > 1:
             raise DriverError(f"{path}: message {block.name} is defined {by_name[block.name]} times; keep one of them")
+        if block.length > LONGEST_MESSAGE:
+            raise DriverError(
+                f"{path}: message {block.name} has {block.length} bytes, a frame has at most {LONGEST_MESSAGE}; "
+                "correct its length"
+            )
         if by_id[block.number] > 1:
             others = " and ".join(other.name for other in blocks if other.number == block.number)
             raise DriverError(
@@ -77,7 +86,7 @@ class _Block:
 
     def __init__(self, number: int, name: str, length: int) -> None:
         is_extended = STANDARD_ID < number < EXTENDED_BIT  # some tools leave the bit out that says so
-        self.number, self.name, self._length = number | EXTENDED_BIT * is_extended, name, length
+        self.number, self.name, self.length = number | EXTENDED_BIT * is_extended, name, length
         self.signals: dict[str, str] = {}
         self.further: list[str] = []
 
@@ -91,7 +100,7 @@ class _Block:
     def text(self) -> str:
         """The message as lines of a DBC."""
         lines = [f" SG_ {name} {rest}" for name, rest in self.signals.items()]
-        return "\n".join([f"BO_ {self.number} {self.name}: {self._length} X", *lines, "", *self.further])
+        return "\n".join([f"BO_ {self.number} {self.name}: {self.length} X", *lines, "", *self.further])
 
 
 def dbc_text(path: Path) -> str:
@@ -132,7 +141,8 @@ def _blocks(text: str) -> list[_Block]:
         elif line.strip():
             current = None
             words = line.split(maxsplit=2)
-            if words[0] in KEPT and len(words) > 2 and words[1].isdecimal() and int(words[1]) in by_number:
+            has_id = len(words) > 2 and words[1].isdecimal() and len(words[1]) <= LONGEST_NUMBER
+            if words[0] in KEPT and has_id and int(words[1]) in by_number:
                 by_number[int(words[1])].further.append(line.strip())
             elif found := LONG_NAME.match(line):
                 long_names.append((int(found[2]), found[3], found[4]))

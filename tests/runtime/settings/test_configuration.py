@@ -52,6 +52,11 @@ def test_a_wrong_key_type_or_value_is_one_sentence_with_key_value_and_expectatio
     assert caught.value.exit_code == 3
 
 
+def test_a_file_of_an_editor_that_marks_utf_8_is_read(tmp_path: Path) -> None:
+    (tmp_path / "rover.toml").write_text("seed = 7\n", encoding="utf-8-sig")
+    assert load_configuration(tmp_path / "rover.toml").seed == 7
+
+
 def test_all_problems_are_told_at_once() -> None:
     with pytest.raises(ConfigurationError) as caught:
         load_configuration_text("seed = -1\n[slam]\nparticles = 0\n")

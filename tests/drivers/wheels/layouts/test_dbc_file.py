@@ -25,6 +25,7 @@ LONG = 'BA_ "SystemMessageLongSymbol" BO_ 512 "LW_that_is_called_otherwise";\n'
         COUNTS + TOO_LONG,
         COUNTS + message(902, "TWIN_A", "a : 0|8@1+ (1,0) [0|0]") + message(902, "TWIN_B", "a : 0|8@1+ (1,0) [0|0]"),
         COUNTS + STRANGE,
+        COUNTS + f'SIG_VALTYPE_ {"9" * 5000} Cnt : 1;\nBA_ "SystemMessageLongSymbol" BO_ {"9" * 5000} "x";\n',
         COUNTS.replace(
             '" B\nBO_ 513', '" B\n SG_ all : 0|48@1+ (1,0) [0|0] "" B\n SG_ 4th : 8|8@1+ (1,0) [0|0] "" B\nBO_ 513'
         ),
@@ -62,6 +63,12 @@ def test_a_message_may_be_named_by_the_long_name_that_an_attribute_gives_it(tmp_
         (("L_Speed : 32|12", "L_Speed : 60|12"), "not a usable DBC"),
         (("BO_ 385 ", "BO_ abc "), "message WHEEL_L_FB: there is only WHEEL_R_FB, WHEEL_L_INFO, WHEEL_R_INFO"),
         (("BO_", "XX_"), "so it is not a DBC"),
+        (
+            ("BO_ 385 WHEEL_L_FB: 8", "BO_ 385 WHEEL_L_FB: 99999999"),
+            "WHEEL_L_FB has 99999999 bytes, a frame has at most",
+        ),
+        (("BO_ 385 ", f"BO_ {'9' * 5000} "), "message WHEEL_L_FB: there is only"),
+        (("BO_ 385 WHEEL_L_FB: 8", f"BO_ 385 WHEEL_L_FB: {'8' * 5000}"), "message WHEEL_L_FB: there is only"),
     ],
 )
 def test_what_is_wrong_with_a_message_of_the_wheels_is_said(
