@@ -40,16 +40,17 @@ def _following(finding: Finding, findings: Sequence[Finding]) -> Finding:
     if not causes:
         return finding
     for cause in grave:
-        if cause is not finding and (not at_once or _most_within(finding.intervals, cause.intervals)):
-            return replace(
-                finding, follows=cause.kind, cause=f"it follows from: {cause.title}", remedy="see that finding"
-            )
+        within, of = _within(finding.intervals, cause.intervals) if at_once else (1, 1)
+        if cause is not finding and 2 * within >= of:
+            share = f"{within} of {of} times " if within < of else ""
+            told = f"{share}it follows from: {cause.title}"
+            return replace(finding, follows=cause.kind, cause=told, remedy="see that finding")
     return finding
 
 
-def _most_within(consequences: Sequence[Interval], causes: Sequence[Interval]) -> bool:
-    """Whether half or more of them begin during a cause or soon after it; a cause without times lasts all the time."""
+def _within(consequences: Sequence[Interval], causes: Sequence[Interval]) -> tuple[int, int]:
+    """How many of them begin during a cause or soon after it, of how many; a cause without times lasts all the time."""
     if not causes:
-        return True
+        return 1, 1
     within = [any(begin - LEAD_S <= start <= end + ECHO_S for begin, end in causes) for start, _ in consequences]
-    return 2 * sum(within) >= max(1, len(within))
+    return sum(within), max(1, len(within))

@@ -1,5 +1,6 @@
 """How long the rover was in which state, and why, from the events of its health."""
 
+import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,6 +9,7 @@ from drivers.measurements import Event
 from runtime.report.finding import Interval
 
 FLAPPING_S = 2.0  # a state that comes back sooner has not been left
+SUBJECTS = ("pose", "laser", "encoders", "record", "publish", "review")  # a reason of the health begins with one
 MEANWHILE = ("starting", "ready", "stopping")
 
 
@@ -55,6 +57,8 @@ def _longest(seconds: Mapping[str, float]) -> list[tuple[str, float]]:
 
 
 def _reasons(event: Event) -> list[str]:
-    """The first words of each, which name it: what follows are figures."""
-    _, colon, text = event.reason.partition(": ")
-    return [reason.split(":")[0].split(",")[0].strip() for reason in text.split("; ")] if colon else []
+    """The first words of each, which name it: what follows are figures, and what to do about it."""
+    _, _, text = event.reason.partition(": ")
+    heads = [part.split(":")[0].strip() for part in text.split("; ")]
+    names = [head.split(",")[0] if re.search(r"\d", head) else head for head in heads]
+    return [name for name in names if name.split(" ")[0] in SUBJECTS]

@@ -35,6 +35,12 @@ def test_health_that_flaps_is_one_span_with_its_share() -> None:
     assert dict(degraded.reasons) == {"pose uncertain": 20.0, "laser stale": 20.0}
 
 
+def test_what_to_do_about_a_reason_is_no_reason_of_its_own() -> None:
+    text = "lost: pose lost, nothing on the map is seen: for 3.1 s; laser stale: no scan; tcp://10.0.0.1 is open; look"
+    (lost,) = state_times([_event(0.0, "health", "lost", text)], 0, 2.0)
+    assert dict(lost.reasons) == {"pose lost, nothing on the map is seen": 2.0, "laser stale": 2.0}
+
+
 def test_what_was_before_the_first_tick_and_after_the_last_does_not_count() -> None:
     events = [_event(-2.0, "health", "degraded", "degraded: laser stale"), _event(5.0, "health", "lost", "lost: pose")]
     lost, degraded = state_times(events, 0, 20.0)
