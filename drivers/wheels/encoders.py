@@ -72,7 +72,7 @@ class CanEncoders:
         self._errors = ErrorFrames()
         self._lock = threading.Lock()
         self._thread = StoppableThread("encoders", self._run, alive, self._note_defect)
-        self._link_trouble = "not started"
+        self._link_trouble: str | None = None  # until the bus was tried
         self._handed_out: deque[int] = deque(maxlen=256)
 
     def start(self) -> None:
@@ -118,6 +118,8 @@ class CanEncoders:
     def _state(self, now_ns: int) -> tuple[SensorState, str]:
         """FAILED: odometry is not to be used; STALE: degraded; STARTING: never heard so far."""
         pair, bus = self._pair, self._settings.bus
+        if self._link_trouble is None:
+            return SensorState.STARTING, f"opening {bus.interface} {bus.channel}"
         if self._link_trouble:
             return SensorState.FAILED, self._link_trouble
         if self._errors.condition is BusCondition.OFF:

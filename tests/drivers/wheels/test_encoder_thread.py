@@ -9,7 +9,9 @@ import pytest
 from drivers.canbus.loopback import free_port
 from drivers.measurements import SensorState
 from drivers.settings.can import BusSettings
+from drivers.settings.encoders import EncoderSettings
 from drivers.wheels import encoders as encoders_module
+from drivers.wheels.encoders import CanEncoders
 from tests.drivers.wheels.test_encoders import Listener, pair_on, virtual_bus
 from tests.support.drivers.raising import OutOfNowhere, raise_in
 from tests.support.drivers.waiting import wait_until
@@ -91,3 +93,8 @@ def test_datagrams_that_are_no_frames_are_counted_and_cost_nothing(monkeypatch: 
         health = listener.encoders.health()
         assert (health.counters["bus.sessions"], health.counters.get("bus.defects", 0)) == (sessions, 0)
         assert any("is not a frame" in event.reason for event in listener.events)
+
+
+def test_a_reader_that_has_not_begun_is_starting_and_has_not_failed() -> None:
+    health = CanEncoders(EncoderSettings(), time.monotonic_ns).health()
+    assert (health.state, health.reason) == (SensorState.STARTING, "opening udp_multicast 239.74.163.2")
