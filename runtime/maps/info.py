@@ -31,6 +31,7 @@ def map_info(path: Path) -> dict[str, Any]:
         "configuration_sha256": hashlib.sha256(facts.configuration_text.encode()).hexdigest(),
         "landmarks": len(joint),
         "landmarks_with_joint_covariance": joint.in_state,
+        "views": len(joint.views),
         "low_m": low.round(2).tolist(),
         "high_m": high.round(2).tolist(),
         "sigma_m": {"median": round(float(np.median(sigmas)), 3), "max": round(float(sigmas.max()), 3)},
@@ -65,6 +66,7 @@ def info_lines(facts: dict[str, Any]) -> list[str]:
         f"map       {facts['map']}  {facts['bytes'] / 1e3:.0f} kB  {facts['created_utc']}  rover {facts['rover']}",
         f"landmarks {facts['landmarks']}, sigma {facts['sigma_m']['median']:g} m (median), "
         f"{facts['sigma_m']['max']:g} m (largest)",
+        f"views     {facts['views']}, by which walls are recognised",
         f"extent    x {low_x:g} to {high_x:g} m, y {low_y:g} to {high_y:g} m in the frame {facts['frame']}",
         f"runs      {', '.join(facts['runs'])}",
         f"sha256    {facts['sha256']}",

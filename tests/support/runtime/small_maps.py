@@ -5,6 +5,7 @@ import numpy as np
 from runtime.map_files.map_file import MapFacts, encode_map
 from runtime.settings.configuration import load_configuration_text
 from slam.maps.joint_map import JointMap
+from slam.maps.views import BEAMS
 
 FACTS = MapFacts("2026-11-28T12:00:00Z", load_configuration_text("[slam.mount]\nx_m = 0.3\n").text, ("monday",))
 
@@ -30,6 +31,8 @@ def small_map(landmarks: int = 40, inside: int = 12, seed: int = 0) -> JointMap:
         block_m2=root @ root.T + 0.01 * np.eye(2 * inside),
         after_miss=np.array((20.0, 8.0)),
         scans=500,
+        view_poses=rng.uniform(-3.0, 3.0, (2, 3)),
+        view_points_cm=rng.integers(-2000, 2000, (2, BEAMS, 2)).astype(np.int16),
     )
 
 
