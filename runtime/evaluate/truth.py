@@ -1,6 +1,7 @@
 """The reference that a data set brings along, as it is attached to an imported run."""
 
 import io
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -21,7 +22,7 @@ LONGEST_KIND = 200
 PACKINGS, ENCRYPTED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED), 1
 UNREADABLE = (
     *(ValueError, ArithmeticError, EOFError, OSError, MemoryError, RuntimeError, SyntaxError),
-    *(zipfile.BadZipFile, zlib.error),
+    *(zipfile.BadZipFile, zlib.error, tokenize.TokenError),
 )
 """What numpy raises on an archive that is none, or that says too much."""
 WIDTHS = {"fixes": 3, "poses": 4, "relations": 5, "landmarks": 3}

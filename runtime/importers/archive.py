@@ -6,6 +6,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ from runtime.messages.tick import Record
 LARGEST_BYTES = 1 << 32  # of all arrays together; a day of a fast laser has a tenth
 END_OF_DIRECTORY, LONGEST_END, LARGEST_DIRECTORY = b"PK\5\6", 1 << 16, 1 << 18  # of zip
 LARGEST_META = 1 << 20
+NO_NUMBERS = (ValueError, SyntaxError, TokenError, RecursionError, MemoryError, TypeError, ArithmeticError)
+"""What numpy raises on an array that is none: its head is read by the parser of Python."""
 META = "meta"
 SHOWN = 6  # names of a folder's files in a message
 
@@ -117,7 +120,7 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
         for name in (name for name in archive.files if name in KNOWN or name == META):
             try:
                 arrays[name] = archive[name]
-            except (ValueError, SyntaxError, MemoryError, TypeError, ArithmeticError) as error:
+            except NO_NUMBERS as error:
                 raise DataSetError(
                     f"{path}: array {name} cannot be read; expected plain numbers as numpy.savez writes them"
                 ) from error

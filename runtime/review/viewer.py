@@ -59,7 +59,10 @@ def open_review(
 
 
 def viewer_command(rrds: Sequence[Path], web: bool, port: int) -> list[str]:
-    """The viewer's command line: every port that it opens is one of the loopback."""
+    """The viewer's command line: every port that it opens is one of the loopback. Raises ConfigurationError."""
+    for path in rrds:
+        if os.fsencode(path) != str(path).encode(errors="replace"):
+            raise ConfigurationError(f"{path}: the viewer takes only paths in UTF-8; give the run another name")
     command = [viewer_path(), *map(str, rrds), "--bind", LOOPBACK, "--port", str(port)]
     return [*command, "--web-viewer", "--web-viewer-port", str(free_port())] if web else command
 

@@ -11,6 +11,7 @@ from runtime.atomic_write import replacement
 from runtime.errors import StorageError, UsageError
 from runtime.evaluate.evaluate import against_data_set, against_simulation, nothing_known
 from runtime.evaluate.truth import DataSetTruth
+from runtime.printable import printable
 from runtime.record.reader import RunReader
 from runtime.record.trajectories import Trajectories
 from runtime.settings.configuration import load_configuration_text
@@ -98,14 +99,14 @@ def sweep(
                 arguments = {"run": str(run.resolve()), "overrides": changes, "seed": seed}
                 named = {"code": sources_hash(), "digest": f"{header.configuration_sha256} {header.created_utc}"}
                 jobs.append(Job(sweep_run, {**arguments, **named}))
-                labels.append({"run": str(run), **changes, "seed": seed})
+                labels.append({"run": printable(str(run)), **changes, "seed": seed})  # Arrow takes only UTF-8
     results = run_jobs(jobs, out / "jobs", scheduler, progress)
     rows = [{**label, **result} for label, result in zip(labels, results, strict=True)]
     write_rows(out / "sweep.csv", rows)
     table = pyarrow.Table.from_pylist(rows)
     try:
-        with replacement(out / "sweep.parquet") as unfinished:
-            parquet.write_table(table, unfinished)
+        with replacement(out / "sweep.parquet") as unfinished, unfinished.open("wb") as stream:
+            parquet.write_table(table, stream)
     except OSError as error:
         raise StorageError(f"{out / 'sweep.parquet'}: cannot be written ({error}); choose another --out") from error
     return {"out": str(out), "rows": len(rows), "csv": str(out / "sweep.csv"), "parquet": str(out / "sweep.parquet")}

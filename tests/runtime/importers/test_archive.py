@@ -293,6 +293,14 @@ def test_a_description_that_is_a_pipe_is_refused(tmp_path: Path) -> None:
     load_archive(path)  # which is not looked at: it is no file
 
 
+@pytest.mark.parametrize("head", [b"(" * 5000, b"(", b'{\'descr\': """', b"9" * 5000])
+def test_an_array_whose_head_is_no_python_is_refused(tmp_path: Path, head: bytes) -> None:
+    with zipfile.ZipFile(tmp_path / "set.npz", "w") as archive:
+        archive.writestr("scan_t.npy", np.lib.format.magic(1, 0) + len(head).to_bytes(2, "little") + head)
+    with pytest.raises(DataSetError, match="scan_t cannot be read"):
+        load_archive(tmp_path / "set.npz")
+
+
 def archive_of(path: Path, names: list[str], packing: int = zipfile.ZIP_STORED) -> Path:
     head = io.BytesIO()
     np.lib.format.write_array_header_1_0(head, {"descr": "<f8", "fortran_order": False, "shape": (1 << 78, 4)})

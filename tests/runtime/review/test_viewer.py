@@ -117,6 +117,13 @@ def test_a_missing_review_is_made_from_the_record(run: RunFolder) -> None:
     assert not list(run.path.glob("*.unfinished"))
 
 
+def test_a_path_that_is_not_utf_8_is_one_sentence_before_the_viewer_ends_over_it() -> None:
+    pytest.importorskip("rerun", reason="rerun is not installed")
+    viewer_command([Path("köln/review.rrd")], False, 9876)
+    with pytest.raises(ConfigurationError, match="only paths in UTF-8"):
+        viewer_command([Path(os.fsdecode(b"b\xe4d/review.rrd"))], False, 9876)
+
+
 def test_no_viewer_is_one_sentence(run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("runtime.review.viewer.find_spec", lambda name: None)
     with pytest.raises(ConfigurationError, match="install the package rerun-sdk"):
