@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -45,9 +46,9 @@ def _tell_progress(
 ) -> None:
     """Say how many kernels are compiled whenever that changes, until the process ends or is to end."""
     total = sum(len(KERNEL.findall(path.read_text(encoding="utf-8"))) for path in SOURCES.rglob("*.py"))
-    shown = -1
+    began_s, shown = time.time() - 1.0, -1  # what is older is of another checkout, or of a start that was broken off
     while not stop.is_set():
-        done = min(total, sum(1 for _ in cache.rglob("*.nbi")))
+        done = min(total, sum(path.stat().st_mtime >= began_s for path in cache.rglob("*.nbi")))
         if done != shown:
             tell(f"starting: compiling kernels {done} of {total} (once after each change of the program; Ctrl-C ends)")
             shown = done

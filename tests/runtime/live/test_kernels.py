@@ -53,6 +53,9 @@ def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[object]:
 def test_an_empty_cache_is_filled_by_another_process_and_only_once(
     compiled: list[object], capsys: pytest.CaptureFixture[str]
 ) -> None:
+    of_another_checkout = Path(os.environ["NUMBA_CACHE_DIR"]) / "old.nbi"
+    of_another_checkout.touch()
+    os.utime(of_another_checkout, (1e9, 1e9))
     kernels.load_kernels(SlamSettings(), print, GO_ON)
     kernels.load_kernels(SlamSettings(), print, GO_ON)
     assert compiled == [kernels.COMPILE]
