@@ -28,8 +28,8 @@ class Cost(NamedTuple):
 
 def measure_run(run: Path) -> Iterator[BenchFigure]:
     """Figures of one run, from a copy beside it: a review draws its picture again. Raises UsageError."""
-    if not run.is_dir():
-        raise UsageError(f"{run}: expected the folder of a run; give one, such as runs/yard")
+    if not any(run.glob("run*.mcap")):
+        raise UsageError(f"{run}: expected the folder of a run, which holds run.mcap; give one, such as runs/yard")
     with tempfile.TemporaryDirectory(prefix="infant-bench-", dir=run.absolute().parent) as name:
         copy = Path(name, "run")
         shutil.copytree(run, copy)

@@ -28,5 +28,6 @@ def test_review_and_export_take_less_time_than_the_drive_and_leave_the_run_as_it
 
 
 def test_what_is_no_run_is_one_sentence(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="expected the folder of a run"):
-        list(measure_run(tmp_path / "nowhere"))
+    for folder in (tmp_path / "nowhere", tmp_path):
+        with pytest.raises(UsageError, match=f"^{folder}: expected the folder of a run"):
+            list(measure_run(folder))
