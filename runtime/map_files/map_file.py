@@ -35,6 +35,7 @@ SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "view_poses": ("<f8", ("K", 3)),
     "view_points_cm": ("<i2", ("K", BEAMS, 2)),
 }
+TEXTS = ("created_utc", "configuration", "frame", "rover", "predecessor", "slam_sources")
 LARGEST: dict[str, float] = {
     "means_m": 1e6,
     "covariances_m2": 1e6,
@@ -126,14 +127,15 @@ def decode_map(data: bytes, name: str) -> SavedMap:
     try:
         header = json.loads(header_line)
         joint = _decode_joint(header, payload)
+        told = {name: _text(name, header[name]) for name in TEXTS}
         facts = MapFacts(
-            header["created_utc"],
-            header["configuration"],
-            tuple(header["runs"]),
-            header["frame"],
-            header["rover"],
-            header["predecessor"],
-            header["slam_sources"],
+            told["created_utc"],
+            told["configuration"],
+            tuple(_text("runs", run) for run in header["runs"]),
+            told["frame"],
+            told["rover"],
+            told["predecessor"],
+            told["slam_sources"],
             None if header.get("origin") is None else MapOrigin.model_validate(header["origin"]),
         )
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
@@ -141,6 +143,13 @@ def decode_map(data: bytes, name: str) -> SavedMap:
             f"{name} cannot be read as a map ({printable(str(error), 200)}); take another copy of the map"
         ) from error
     return SavedMap(joint, facts, hashlib.sha256(data).hexdigest())
+
+
+def _text(name: str, value: object) -> str:
+    """Raises ValueError where a fact is none."""
+    if not isinstance(value, str):
+        raise ValueError(f"{name} is {value!r:.40}, expected text")
+    return value
 
 
 def _decode_joint(header: dict[str, Any], payload: bytes) -> JointMap:

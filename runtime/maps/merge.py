@@ -14,6 +14,8 @@ from runtime.settings.configuration import load_configuration_text
 from slam.recognise.attempt import ODDS
 from slam.relocalise.merge import merge_maps
 
+MOST_LANDMARKS = 2000  # of each map: all pairs are compared, in 130 MB
+
 
 def merge_files(first: Path, second: Path, out: Path) -> dict[str, Any]:
     """The command; the frame is that of the first map. Returns its summary.
@@ -23,6 +25,12 @@ def merge_files(first: Path, second: Path, out: Path) -> dict[str, Any]:
     """
     refuse_taken(out)
     (into, _), (other, _) = read_map(first), read_map(second)
+    for path, saved in ((first, into), (second, other)):
+        if len(saved.joint) > MOST_LANDMARKS:
+            raise UsageError(
+                f"{path} has {len(saved.joint)} landmarks, maps to merge have at most {MOST_LANDMARKS} each; "
+                "merge maps of shorter drives"
+            )
     configuration = load_configuration_text(into.facts.configuration_text, source=str(first))
     fitness = suits(other, str(second), configuration)
     if fitness.refusal:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime.errors import ConfigurationError, NotAMapError
+from runtime.errors import ConfigurationError, NotAMapError, UsageError
 from runtime.map_files.fitness import distance_outside, findings, suits
 from runtime.map_files.map_file import SavedMap, encode_map
 from runtime.map_files.start import choose_start
@@ -101,3 +101,12 @@ def test_a_map_whose_landmarks_leave_the_start_open_is_refused(tmp_path: Path) -
     assert choose_start(tmp_path / "good.map", False, "0,0,0", rover) is not None
     with pytest.raises(NotAMapError, match="nothing of how sure they are"):
         merge_files(tmp_path / "hall.map", tmp_path / "good.map", tmp_path / "both.map")
+
+
+def test_maps_of_more_landmarks_than_all_pairs_of_which_fit_into_memory_are_not_merged(tmp_path: Path) -> None:
+    (tmp_path / "small.map").write_bytes(map_bytes())
+    (tmp_path / "large.map").write_bytes(map_bytes(2001))
+    small, large = tmp_path / "small.map", tmp_path / "large.map"
+    for first, second in ((small, large), (large, small)):
+        with pytest.raises(UsageError, match=r"large.map has 2001 landmarks, maps to merge have at most 2000"):
+            merge_files(first, second, tmp_path / "both.map")

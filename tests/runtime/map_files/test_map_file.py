@@ -64,6 +64,12 @@ def test_counts_beyond_all_drives_are_refused(changes: dict[str, Any]) -> None:
         decode_map(encode_map(replace(small_map(), **changes), FACTS), "hall.map")
 
 
+@pytest.mark.parametrize("facts", [{"runs": (1, 2)}, {"rover": 5}, {"frame": ["map"]}, {"created_utc": None}])
+def test_facts_that_are_no_text_are_refused(facts: dict[str, Any]) -> None:
+    with pytest.raises(NotAMapError, match=f"{next(iter(facts))} is .*, expected text"):
+        decode_map(encode_map(small_map(), replace(FACTS, **facts)), "hall.map")
+
+
 def test_every_flipped_byte_is_noticed() -> None:
     data = map_bytes(6)
     for at in range(0, len(data), 7):
