@@ -20,7 +20,6 @@ from slam.maps.start import MapStart, first_maps
 from slam.maps.views import NO_VIEWS
 from slam.observations import MOST_FEATURES, NO_FEATURES, seen_before_share, usable_rows, verdicts_of_all
 from slam.odometry.odometry import Increment, Odometry, compound
-from slam.odometry.rest import Rest
 from slam.odometry.scan_clock import ScanClock
 from slam.particles.fastslam import FastSlam, ScanOutcome
 from slam.quality import QualityMonitor
@@ -83,7 +82,7 @@ class Estimator:
         self._keyframes = self._relocaliser.here.keyframes
         reports = settings.front_end.kind == "given"
         self._quality = QualityMonitor(settings.quality, self._joint.scans, silence_is_blind=not reports)
-        self._scan_clock, self._rest = ScanClock(), Rest()
+        self._scan_clock, self._stands = ScanClock(), False
         self._not_finite = 0
 
     def step(
@@ -150,9 +149,9 @@ class Estimator:
         self._mark("odometry")
 
         # difference and features (III-A)
-        arrived = self._rest.has_just_begun(scan.stamp_ns, increment.at_rest)
-        increment = replace(increment, at_rest=arrived)
-        features, verdicts = self._front_end.observe(scan, predicted, twist, arrived)
+        self._stands = increment.at_rest
+        waits = self._stands and not self._relocaliser.awaits_saved  # until what moves has gone
+        features, verdicts = self._front_end.observe(scan, predicted, twist, waits)
         self._mark("front end")
         features = with_motion_noise(features, scan, increment.covariance, increment.duration_s)
         rows = usable_rows(features, self._settings.view.range_max_m, self._body_from_laser.heading_rad)
@@ -166,7 +165,7 @@ class Estimator:
 
         # the joint Gaussian, whose pose is published, and whether it can be believed
         confidence = Confidence(self._quality.settled_before, self._quality.map_is_kept)
-        matched = self._joint.observe(rows, outcome.matches, sight, confidence, arrived, laid is not None)
+        matched = self._joint.observe(rows, outcome.matches, sight, confidence, laid=laid is not None)
         evidence, lies = self._joint.evidence, False
         if not self._quality.is_doubted:
             self._view.learn(evidence.found, evidence.missed)
@@ -179,7 +178,7 @@ class Estimator:
 
         # the way back, where the pose is in doubt or a place may be known
         points = NO_POINTS if laid is None else self._keyframes.thinned(laid).astype(np.float32)
-        seen = ScanSeen(scan.stamp_ns, increment.mean, increment.covariance, rows, sight, seen_share, arrived, points)
+        seen = ScanSeen(scan.stamp_ns, increment.mean, increment.covariance, rows, sight, seen_share, points)
         fits = () if laid is None else tuple(self._keyframes.fits)
         told = (seen, measured, self._odometry.odom_from_body, matched, fits, self._relocaliser.here.progress)
         recognition = self._find_back(seen, matched)
@@ -272,7 +271,7 @@ class Estimator:
             "likelihoods": float(outcome.likelihoods),
             "effective_particles": outcome.effective,
             "resampled": float(outcome.resampled),
-            "at_rest": float(self._rest.lasts),
+            "at_rest": float(self._stands),
             "odometry_known": float(increment.known),
             "scans_aligned": float(self._alignment.refined),
             "keyframes": float(len(self._keyframes)),

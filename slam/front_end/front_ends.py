@@ -9,6 +9,7 @@ from slam.front_end.corners import corners
 from slam.front_end.deskew import Beams, Twist, deskew
 from slam.front_end.differencing import DIFFERENCE_M, CompensatedVote, PlacedScan, equal_angle_difference
 from slam.front_end.spacing import SPACING_M, range_extrema, spaced
+from slam.front_end.stillness import Stillness
 from slam.front_end.trunks import holes_in, runs_of_beams, trunk_variances, trunks
 from slam.observations import BeamVerdict, Features
 from slam.pose import Pose2
@@ -19,12 +20,12 @@ class FrontEnd(Protocol):
     """Finds point features in scans; remembers earlier scans, so every scan is shown to it once and in order."""
 
     def observe(
-        self, scan: ScanLike, odom_from_body: Pose2, twist: Twist, at_rest: bool
+        self, scan: ScanLike, odom_from_body: Pose2, twist: Twist, stands: bool
     ) -> tuple[Features, VerdictArray]:
         """Features of the scan and a BeamVerdict for each of its beams (n,).
 
-        odom_from_body: dead-reckoned pose at the scan's stamp. twist: velocity during the sweep. at_rest: the wheels
-        have just stopped; then every feature may create a landmark at once, without difference or vote.
+        odom_from_body: dead-reckoned pose at the scan's stamp. twist: velocity during the sweep. stands: the wheels
+        do; then only what has stood for long may create a landmark.
         Raises TypeError for a kind of scan that this front end is not made for.
         """
 
@@ -49,7 +50,7 @@ class GivenFrontEnd:
         scan: ScanLike,
         odom_from_body: Pose2,  # noqa: ARG002
         twist: Twist,  # noqa: ARG002
-        at_rest: bool,  # noqa: ARG002
+        stands: bool,  # noqa: ARG002
     ) -> tuple[Features, VerdictArray]:
         """Sightings with finite values become features; all may create."""
         if not isinstance(scan, Sightings):
@@ -82,12 +83,12 @@ class PaperFrontEnd:
         scan: ScanLike,
         odom_from_body: Pose2,  # noqa: ARG002
         twist: Twist,  # noqa: ARG002
-        at_rest: bool,
+        stands: bool,  # noqa: ARG002
     ) -> tuple[Features, VerdictArray]:
         """Only beams that pass the difference are looked at, so every feature may create."""
         settings, scan = self._settings, _laser_scan(scan)
         before, self._before = self._before, scan
-        if not self._difference or at_rest:
+        if not self._difference:
             before = None
         verdicts = equal_angle_difference(scan, before, DIFFERENCE_M)
         ranges = scan.ranges_m.astype(np.float64)
@@ -119,11 +120,13 @@ class RobustFrontEnd:
         self._sparse = sparse
         self._body_from_laser = body_from_laser
         self._vote = CompensatedVote() if difference else None
+        self._stillness = Stillness()
 
     def observe(
-        self, scan: ScanLike, odom_from_body: Pose2, twist: Twist, at_rest: bool
+        self, scan: ScanLike, odom_from_body: Pose2, twist: Twist, stands: bool
     ) -> tuple[Features, VerdictArray]:
-        """All features may match; those on beams that the vote found again may create.
+        """All features may match; those on beams that the vote found again may create, and at rest those that have long
+        been still.
 
         Where no scan is old enough and young enough to compare with, all may create: in the first moments of a run, and
         where scans are seconds apart, which slam.alignment lays onto each other before they come here.
@@ -140,7 +143,10 @@ class RobustFrontEnd:
             points = _points(rows[:, 0], rows[:, 1])
             vote = self._vote.ask(PlacedScan(beams, points, odom_from_body @ self._body_from_laser))
             verdicts = vote.verdicts
-            if vote.voters and not at_rest:
+            self._stillness.follow(beams.ranges_m, scan.stamp_ns, stands=stands)
+            if stands:
+                licensed = self._stillness.licences(beams.ranges_m, scan.stamp_ns, extents)
+            elif vote.voters:
                 licensed = vote.licences(extents)
         covariances = np.empty((count, 2, 2))
         covariances[:, 0, 0], covariances[:, 1, 1] = rows[:, 2], rows[:, 4]

@@ -59,11 +59,7 @@ class FastSlam:
         self.scans = 0
 
     def step(self, increment: Increment, features: FeatureRows, sight: SightLine = NO_SIGHT) -> ScanOutcome:
-        """One scan: predict, associate, sample, weight, update and existence in every particle, then resample.
-
-        While standing still every feature may create a landmark.
-        """
-        features = features._replace(may_create=features.may_create | increment.at_rest)
+        """One scan: predict, associate, sample, weight, update and existence in every particle, then resample."""
         normals = self._generator.standard_normal((len(self.poses), 3))
         names = self._names(features)
         matches, tallies = self._step_all(

@@ -30,7 +30,6 @@ class ScanSeen:
     rows: FeatureRows
     sight: SightLine
     seen_before_share: float | None
-    at_rest: bool
     points_m: PointArray = field(default_factory=NO_POINTS.copy)
 
 
@@ -81,7 +80,7 @@ class LocalMap:
         self.joint.predict(*motion)
         hints = np.full(seen.rows.ranges_m.size, -1, dtype=np.int64)
         confidence = Confidence(self.joint.scans - self._monitor.scans + self._monitor.settled_before)
-        self.joint.observe(seen.rows, hints, seen.sight, confidence, first or seen.at_rest)
+        self.joint.observe(seen.rows, hints, seen.sight, confidence, first)
         self._monitor.add(seen.stamp_ns, self.joint.evidence, seen.seen_before_share)
 
     @property

@@ -20,6 +20,7 @@ class Rooting:
         self.before_scan = before_scan
         self.keyframes = 0
         self._in_a_row = 0
+        self._is_empty = before_scan == 0  # no landmark is rooted
 
     def add(self, scan: int, matched: IntArray, landmarks: int, keyframes: int) -> bool:
         """What one scan, the last before this number, matched: identities or verdicts (K,). landmarks: in the map.
@@ -30,15 +31,17 @@ class Rooting:
         rooted = int((matched < self.before_scan * IDENTITIES_PER_SCAN).sum())
         supported = rooted >= LEAST_ROOTED and rooted >= LEAST_SHARE * len(matched)
         self._in_a_row = self._in_a_row + 1 if supported else 0
-        is_beginning = self.before_scan == 0 or landmarks <= FIRST_LANDMARKS
+        is_beginning = self._is_empty or landmarks <= FIRST_LANDMARKS
         is_rooted = self._in_a_row >= IN_A_ROW or is_beginning
         if is_rooted:
             self.root(scan, keyframes)
+            self._is_empty = landmarks == 0
         return is_rooted
 
     def root(self, scan: int, keyframes: int) -> None:
         """All that was made before this scan belongs to the map."""
         self.before_scan, self.keyframes = scan, keyframes
+        self._is_empty = False
 
     def is_rooted(self, identities: IntArray) -> BoolArray:
         """(L,) which landmarks are."""

@@ -17,6 +17,7 @@ from slam.estimator import Estimator
 from slam.settings.slam import SlamSettings
 
 MODEL, WHEEL_PERIOD_NS = "differential", 20_000_000
+BEFORE_NS = 500_000_000  # that the wheels have stood at the first scan
 BESIDE_M = 0.3  # a trunk's centre lies that far behind its skin
 STILL_SHARE = 0.5  # what stands is seen by a beam in half of the scans at least
 
@@ -37,7 +38,7 @@ def place_at_rest(
     scans = [scan for scan in seen(archive) if isinstance(scan, Scan)]
     background = standing_points(scans)
     kept = list(thinned(scans, left_out, np.random.default_rng([seed, LEAVING_STREAM])))
-    stamps = range(kept[0].stamp_ns, kept[-1].stamp_ns + 1, WHEEL_PERIOD_NS)
+    stamps = range(kept[0].stamp_ns - BEFORE_NS, kept[-1].stamp_ns + 1, WHEEL_PERIOD_NS)
     wheels = samples_at_rest(list(stamps), MODEL)
     estimator = Estimator(SlamSettings(), 1, map_every=1)
     ever: dict[int, FloatArray] = {}

@@ -29,14 +29,14 @@ class StudiedRover:
 
     def step(self, seen: ScanSeen) -> Recognition | None:
         """One scan; the first has no motion before it, wherever in a recording it stands."""
-        if not self._has_begun:
-            self._has_begun = True
-            seen = replace(seen, increment_mean=np.zeros(3), increment_covariance=np.zeros((3, 3)), at_rest=True)
+        is_first, self._has_begun = not self._has_begun, True
+        if is_first:
+            seen = replace(seen, increment_mean=np.zeros(3), increment_covariance=np.zeros((3, 3)))
         joint, quality = self.joint, self.quality
         joint.predict(seen.increment_mean, seen.increment_covariance)
         hints = np.full(seen.rows.ranges_m.size, -1, dtype=np.int64)
         confidence = Confidence(quality.settled_before, quality.map_is_kept)
-        matched = joint.observe(seen.rows, hints, seen.sight, confidence, seen.at_rest)
+        matched = joint.observe(seen.rows, hints, seen.sight, confidence, at_rest=is_first)
         quality.add(seen.stamp_ns, joint.evidence, seen.seen_before_share)
         recognition = self.relocaliser.step(seen, matched, quality)
         if recognition is not None:

@@ -87,8 +87,7 @@ def told_features(drive: FeatureDrive) -> ToldDrive:
         features, _ = front_end.observe(step.sightings, odometry.odom_from_body, Twist(), increment.at_rest)
         rows = usable_rows(vote(features, odometry.odom_from_body), settings.view.range_max_m, 0.0)
         mean, covariance = increment.mean, increment.covariance
-        at_rest = not (covariance.any() or mean.any())
-        seen.append(ScanSeen(step.stamp_ns, mean, covariance, rows, SIGHT, None, at_rest))
+        seen.append(ScanSeen(step.stamp_ns, mean, covariance, rows, SIGHT, None))
     start = drive.steps[0].truth.inverse()
     poses = np.array([(start @ step.truth).as_array() for step in drive.steps])
     return ToldDrive(settings, tuple(seen), poses, (), {})

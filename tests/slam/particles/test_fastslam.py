@@ -49,14 +49,6 @@ def test_every_proposal_follows_a_course_far_better_than_its_odometry(proposal: 
     assert filter_.store.count_of(filter_.best) == len(POSTS_M)
 
 
-def test_features_seen_at_rest_become_landmarks_at_once_without_a_licence() -> None:
-    filter_ = particles(settings_of())
-    outcome = filter_.step(increment_of(), seen_from(np.zeros(3), POSTS_M, may_create=False))
-    assert (outcome.matches == MatchVerdict.NEW).all()
-    means = filter_.store.map_of(3).means_m
-    np.testing.assert_allclose(np.sort(means, axis=0), np.sort(POSTS_M, axis=0), atol=0.02)
-
-
 def test_on_the_move_a_feature_without_a_licence_matches_but_creates_nothing() -> None:
     filter_ = after_standing(settings_of())
     more = np.vstack((POSTS_M, (4.0, -2.0)))

@@ -38,3 +38,13 @@ def test_a_scan_without_support_breaks_the_row() -> None:
     for matched in ([OLD, OLD + 1, OLD + 2], [OLD, OLD + 1, OLD + 2], [NEW], [OLD, OLD + 1, OLD + 2]):
         rule.add(60, np.array(matched), 100, 7)
     assert rule.before_scan == 30
+
+
+def test_a_map_that_was_empty_for_long_begins_with_its_first_landmarks_however_many() -> None:
+    """A rover that stands maps nothing; with the first metre it drives all that it sees comes at once."""
+    rule = Rooting()
+    for scan in range(1, 20):
+        assert rule.add(scan, np.empty(0, dtype=np.int64), 0, 0)
+    assert rule.add(20, np.full(30, -1), 30, 1)
+    assert rule.is_rooted(np.array([19 * IDENTITIES_PER_SCAN])).all()
+    assert not rule.add(21, np.full(30, -1), 60, 2)

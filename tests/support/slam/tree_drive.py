@@ -63,7 +63,7 @@ class TreeDrive:
         hints: IntArray = np.full(rows.ranges_m.size, -1)
         matched = self.joint.observe(rows, hints, SIGHT, confidence)
         self.quality.add(self._stamp_ns, self.joint.evidence)
-        seen = ScanSeen(self._stamp_ns, told, noise, rows, SIGHT, None, False)
+        seen = ScanSeen(self._stamp_ns, told, noise, rows, SIGHT, None)
         recognition = self.relocaliser.step(seen, matched, self.quality)
         if recognition is not None:
             self.recognitions.append(recognition)

@@ -46,7 +46,7 @@ def test_the_page_says_of_every_recording_how_good_the_pose_was_beside_odometry(
 
 
 def test_simulated_places_are_driven_with_seeds_instead(data: Path, tmp_path: Path) -> None:
-    study = PlacesStudy(data, repeats=1, places=("building_4hz", "drop_outs"), length=0.05)
+    study = PlacesStudy(data, repeats=1, places=("building_4hz", "drop_outs"), length=0.1)
     result = run_places(study, tmp_path, None, ignore)
     asked = {(row["place"], row["way"], row["figure"]): row for row in result["asked"]}
     assert asked["building_4hz", "defaults, simulated", "published_aligned_rms_m"]["value"] > 0.0
