@@ -160,7 +160,11 @@ class Alignment:
         motion, information, count = search.best(prior, covariance + (SLIPPED if only_if_slipped else 0.0), along=True)
         share = count / len(search.points_m)
         if self._usual_fit - share > UNUSUAL_SHARE:
-            found = self._found_elsewhere(now, search, increment, covariance, share)
+            found = None
+            if not only_if_slipped:  # else it was looked for where slipped wheels may have left it
+                found = self._found_turned(search, increment, covariance, share)
+            if found is None and self._usual_fit - share > POOR_SHARE:
+                found = self._found_widely(now, search, increment.mean)
             if found is not None:
                 self.refined += 1
                 self.laid = self._beams(now)
@@ -184,20 +188,12 @@ class Alignment:
             self.laid = self._beams(now)
         return self._moved_by(increment, motion, information)
 
-    def _found_elsewhere(
-        self, now: SeenFrom, search: Search, increment: Increment, covariance: FloatArray, share: float
-    ) -> Found | None:
-        """Where a scan that lies worse than usual near the wheels' motion lies as well as usual: turned by more than
-        they admit, or clearly at another place.
-        """
-        if not increment.at_rest:
-            motion, information, count = search.best(
-                increment.mean, covariance + SLIPPED, along=True, starts=TURNED_STARTS
-            )
-            its_share = count / len(search.points_m)
-            if its_share > max(share + SLIP_GAIN, self._usual_fit - UNUSUAL_SHARE):
-                return Found(motion, information, its_share)
-        return self._found_widely(now, search, increment.mean) if self._usual_fit - share > POOR_SHARE else None
+    def _found_turned(self, search: Search, increment: Increment, covariance: FloatArray, share: float) -> Found | None:
+        """The motion, turned more than the wheels admit, with which a scan lies as usual; near theirs it does not."""
+        motion, information, count = search.best(increment.mean, covariance + SLIPPED, along=True, starts=TURNED_STARTS)
+        its_share = count / len(search.points_m)
+        is_usual = its_share > max(share + SLIP_GAIN, self._usual_fit - UNUSUAL_SHARE)
+        return Found(motion, information, its_share) if is_usual else None
 
     def _found_widely(self, now: SeenFrom, search: Search, prior: FloatArray) -> Found | None:
         """The motion where the scan lies nowhere near the place that the wheels say, but clearly at another; looked
