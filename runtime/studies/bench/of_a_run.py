@@ -4,7 +4,6 @@ Light on purpose: the system counts the memory of whoever starts a program as th
 """
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -16,6 +15,14 @@ from typing import NamedTuple
 
 from runtime.errors import UsageError
 from runtime.studies.bench.figure import BenchFigure
+
+SMALL_PARENT = """
+import json, os, subprocess, sys
+process = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL)
+_, status, used = os.wait4(process.pid, 0)
+print(json.dumps((os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime, used.ru_maxrss)))
+"""
+"""Linux counts to a process what the one that started it held at that moment: a large one would be measured itself."""
 
 
 class Cost(NamedTuple):
@@ -46,10 +53,9 @@ def measure_run(run: Path) -> Iterator[BenchFigure]:
 def cost_of(*words: str) -> Cost:
     """Run one `infant` command in a process of its own. Raises UsageError where it fails; it has said why."""
     began_s = time.monotonic()
-    command = [sys.executable, "-m", "runtime.cli", *words]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise UsageError(f"infant {' '.join(words[:2])}: exit code {process.returncode}; its message is printed above")
-    return Cost(time.monotonic() - began_s, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0)
+    command = [sys.executable, "-S", "-c", SMALL_PARENT, sys.executable, "-m", "runtime.cli", *words]
+    told = subprocess.run(command, stdout=subprocess.PIPE, check=False).stdout
+    code, cpu_s, largest_kb = json.loads(told)
+    if code:
+        raise UsageError(f"infant {' '.join(words[:2])}: exit code {code}; its message is printed above")
+    return Cost(time.monotonic() - began_s, cpu_s, largest_kb / 1024.0)
