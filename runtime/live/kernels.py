@@ -23,8 +23,9 @@ KERNEL = re.compile(r"^@(?:kernel|leaf|inlined)$", re.MULTILINE)  # nearly each 
 POLL_S = 1.0
 
 
-def load_kernels(settings: SlamSettings, tell: Callable[[str], None], stop: threading.Event) -> None:
-    """Load every kernel, so that the first tick is as quick as the others; nothing once `stop` is set.
+def load_kernels(settings: SlamSettings, tell: Callable[[str], None], stop: threading.Event) -> float:
+    """Load every kernel, so that the first tick is as quick as the others; nothing once `stop` is set. Returns the
+    seconds that compiling took.
 
     tell: told how far compiling is, where that is needed.
 
@@ -32,13 +33,15 @@ def load_kernels(settings: SlamSettings, tell: Callable[[str], None], stop: thre
     one. Should that fail, they are compiled here.
     """
     cache = use_compile_cache(os.environ)
+    began_s = ready_s = time.monotonic()
     if is_kept(cache) and not _marker(cache).exists():
         with subprocess.Popen(COMPILE, start_new_session=True) as compiling:  # Ctrl-C is for us: we end it
             _tell_progress(cache, compiling, tell, stop)
-    if stop.is_set():
-        return
-    Estimator.warm_up(settings)
-    mark_complete(cache)
+        ready_s = time.monotonic()
+    if not stop.is_set():
+        Estimator.warm_up(settings)
+        mark_complete(cache)
+    return ready_s - began_s
 
 
 def _tell_progress(

@@ -28,13 +28,18 @@ READY_S = 5.0  # wait at most this long for both sensors before the first tick
 SENSOR_POLL_S = 0.02
 LEAD_NS = 100_000_000  # from the last preparation to the first beat
 
+
+def nobody_asks(compiled_s: float) -> None:
+    """How long compiling took is of no use to most."""
+
+
 MakeParts = Callable[[Configuration, RunFolder, Clock], Parts]
 
 
 @dataclass(frozen=True, slots=True)
 class Host:
     """What a run gets from whoever starts it: time, the wish to stop, a stream for people and whether that may have
-    colours, the service manager.
+    colours, the service manager. compiled: told the seconds that compiling took, once the kernels are loaded.
     """
 
     clock: Clock
@@ -42,6 +47,7 @@ class Host:
     stream: TextIO
     manager: ServiceManager
     has_colours: bool = False
+    compiled: Callable[[float], None] = nobody_asks
 
 
 def run_live(
@@ -61,7 +67,7 @@ def run_live(
     watch = Watch(host, parts, configuration.loop.rate_hz)
     try:
         events = watch.enter(RunState.STARTING)
-        load_kernels(configuration.slam, watch.line.announce, host.stop)
+        host.compiled(load_kernels(configuration.slam, watch.line.announce, host.stop))
         estimator = Estimator(configuration.slam, configuration.seed, stages.mark, start=for_estimator(start))
         loop = Loop(
             stages,

@@ -13,7 +13,7 @@ import pytest
 from runtime.source_tree import ROOT
 
 MOCK = ROOT / "config" / "mock.toml"
-DURATION_S = 25
+DURATION_S = 30
 QUIET = ("--set", "review.live=false", "--set", "publish.listen=['tcp/127.0.0.1:0']")
 
 
@@ -62,6 +62,8 @@ def test_a_run_prints_one_json_object_with_the_promised_keys(driven: tuple[Path,
     assert promised <= summary.keys()
     assert isinstance(summary["lateness_ms"], dict)
     assert set(summary["lateness_ms"]) == {"p50", "p99", "max"}
+    # the start is part of the duration, and so are two seconds in which all is closed
+    assert 0 < summary["ticks"] + summary["missed"] <= 10 * (DURATION_S - 2)  # type: ignore[operator]
     assert json.loads((out / "summary.json").read_text()) == summary
     assert {path.name for path in out.iterdir()} >= {"run.mcap", "review.rrd", "config.toml", "summary.json"}
 
@@ -117,14 +119,10 @@ def test_the_page_of_a_review_shows_the_figures_that_the_console_has_shown(
     assert f"<b>{summary['landmarks']}</b><span>landmarks</span>" in (tmp_path / "report.html").read_text()
 
 
-def test_the_duration_is_that_of_the_drive_however_long_the_start_took(tmp_path: Path) -> None:
-    result = infant("run", "--config", MOCK, "--out", tmp_path / "run", "--duration", "1", *QUIET, "--json")
-    assert result.returncode == 0, result.stderr
-    summary = json.loads(result.stdout)
-    assert 5 <= summary["ticks"] + summary["missed"] <= 10  # beats skipped after the last tick are not counted
-
-
 def test_a_run_that_ends_before_its_first_tick_says_so_and_leaves_no_folder(tmp_path: Path) -> None:
+    result = infant("run", "--config", MOCK, "--out", tmp_path / "run", "--duration", "0.1", "--json")
+    assert result.returncode == 2
+    assert "over before the first tick" in json.loads(result.stdout)["error"]["reason"]
     process = start_run(tmp_path / "run", "--json")
     await_size(tmp_path / "run" / "config.toml", 100, process)
     process.send_signal(signal.SIGINT)
