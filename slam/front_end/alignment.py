@@ -38,6 +38,7 @@ NEED_RANGE_M = 10.0  # at this distance: what a wrong heading moves
 WIDEST_SQUARE = 30.0  # nor where the result contradicts the wheels by this squared distance, unless they have slipped:
 SUSPECT_SQUARE = 11.3  # that wheels which were only suspected are off by, 99 % of what chance makes of three numbers
 SLIPPED = np.diag((0.15, 0.15, 0.1)) ** 2  # m^2, rad^2, of the motion by wheels that are suspected
+TURNED = np.diag((0.0, 0.0, 0.1)) ** 2  # of wheels of which one has slipped
 TURNED_STARTS = 9  # headings, where the scan lies worse than usual at those that the wheels admit
 SLIP_SHARE = 0.7  # so many points are on surfaces then
 SLIP_GAIN = 0.05  # and so many more than by the wheels' motion
@@ -158,6 +159,10 @@ class Alignment:
         if search is None or not np.isfinite(covariance).all():
             return increment
         motion, information, count = search.best(prior, covariance + (SLIPPED if only_if_slipped else 0.0), along=True)
+        if only_if_slipped:  # the simplest slip that explains the scan: a walker close by pulls the position along
+            turned = search.best(prior, covariance + TURNED, along=True)
+            if turned[2] >= count - SLIP_GAIN * len(search.points_m):
+                motion, information, count = turned
         share = count / len(search.points_m)
         if self._usual_fit - share > UNUSUAL_SHARE:
             found = None
