@@ -152,8 +152,8 @@ class JointGaussian:
     ) -> IntArray:
         """One scan: `predict` and `observe`."""
         self.predict(increment_mean, increment_covariance)
-        at_rest = not (increment_covariance.any() or increment_mean.any())
-        return self.observe(features, hints, sight, confidence, at_rest)
+        stands = not (increment_covariance.any() or increment_mean.any())
+        return self.observe(features, hints, sight, confidence, begins=stands)
 
     def predict(self, mean: FloatArray, covariance: FloatArray) -> None:
         """Move the pose by an increment (3,) and (3, 3) since the last scan in the body frame of then."""
@@ -171,17 +171,17 @@ class JointGaussian:
         hints: IntArray,
         sight: SightLine = NO_SIGHT,
         confidence: Confidence = CONFIDENT,
-        at_rest: bool = False,
+        begins: bool = False,
         laid: bool = False,
     ) -> IntArray:
-        """What the scan at the predicted pose shows; at rest everything may create a landmark.
+        """What the scan at the predicted pose shows; where a map begins everything may create a landmark.
 
         hints (K,): identities or verdicts of the best particle, for a variant. sight: how far the scan looked.
         confidence: what earlier scans said of the pose; while it is lost, nothing is written into the map. laid: onto
         others, so no single landmark need close a loop. Returns this filter's own identities or verdicts (K,).
         """
         state = self.state
-        features = features._replace(may_create=features.may_create | (at_rest or self._variant.creation == "any"))
+        features = features._replace(may_create=features.may_create | (begins or self._variant.creation == "any"))
         sensor = sensor_pose(state.mean, self._mount)
         places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
         if len(self.keyframe_ends):

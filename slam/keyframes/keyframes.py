@@ -19,7 +19,7 @@ from slam.joint.gaussian import JointGaussian
 from slam.joint.keyframe_axis import poses_of
 from slam.joint.state import JointState
 from slam.keyframes.far_loops import FarLoops
-from slam.maps.views import NO_VIEWS, Views, kept_points
+from slam.maps.views import NO_VIEWS, CentimetreArray, Views, kept_points
 from slam.pose import Pose2, composed
 
 STEP_M, STEP_RAD = 0.2, 0.15  # the rover moves or turns so far before another scan is laid onto keyframes
@@ -45,10 +45,11 @@ INFORMATION_SHARE = 0.3  # of a fit's own claim: neighbouring scans share the er
 @dataclass(frozen=True, slots=True, eq=False)
 class Keyframe:
     """A scan as it was taken: points_m and normals (n, 2) in the laser's frame, single precision; first_rad,
-    spacing_rad: where its beams point. scan: its number in the map.
+    spacing_rad: where its beams point. kept_cm: what a saved map keeps of it. scan: its number in the map.
     """
 
     points_m: FloatArray
+    kept_cm: CentimetreArray
     normals: FloatArray
     first_rad: float
     spacing_rad: float
@@ -142,9 +143,11 @@ class Keyframes:
         normals = np.empty_like(beams.points_m)
         surface_normals(beams.points_m, beams.spacing_rad, normals)
         stride = -(-len(beams) // MOST_BEAMS)
+        points: FloatArray = beams.points_m[::stride].astype(np.float32)
         self._keyframes.append(
             Keyframe(
-                beams.points_m[::stride].astype(np.float32),
+                points,
+                kept_points(points),
                 normals[::stride].astype(np.float32),
                 float(math.atan2(beams.rays[0, 1], beams.rays[0, 0])),
                 stride * beams.spacing_rad,
@@ -165,7 +168,7 @@ class Keyframes:
         if not shown:
             return NO_VIEWS
         bodies = poses_of(state.settled_means()[self._joint.keyframe_ends[: len(shown)]])
-        points = np.stack([kept_points(keyframe.points_m) for keyframe in shown])
+        points = np.stack([keyframe.kept_cm for keyframe in shown])
         return Views(composed(bodies, self._body_from_laser.as_array()), points)
 
     def lies_on(self, beams: Beams, before_scan: int) -> bool:

@@ -1,16 +1,18 @@
 """What the views of a map say of the ground: where something stands, where nothing does, and where a rover can be."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.measurements import FloatArray
 from slam.compiled import kernel
 from slam.maps.occupancy_grid import FREE, OCCUPIED, GridMap, OccupancyArray, OccupancyGrid
 from slam.maps.views import Views
 
 CELL_M = 0.15
-MOST_CELLS = 8_000_000  # 64 MB while it is made; what lies beyond them is not looked at
+MOST_CELLS = 4_000_000  # 32 MB while it is made; what lies beyond them is not looked at
 FINE_CELLS, COARSE_CELLS = 1, 2  # so near to something a return counts as one of it
 STEP_CELLS = 3  # between positions that are tried
 NEAR_M = 2.5  # a rover comes back as near as this to where one was
@@ -36,13 +38,15 @@ class Plan:
     def __init__(self, views: Views) -> None:
         self._views = views
         self._grid = OccupancyGrid(CELL_M, MOST_CELLS)
+        self._last_steps = self._finish()
         self.added = 0
         self.ground: Ground | None = None
 
     def advance(self, most_views: int) -> bool:
-        """Add so many views at most; True when it is finished."""
-        if self.ground is not None:
-            return True
+        """Add so many views at most, or take one of the last steps; True when it is finished."""
+        if self.added == len(self._views):
+            next(self._last_steps, None)
+            return self.ground is not None
         last = min(self.added + most_views, len(self._views))
         for number in range(self.added, last):
             pose, points = self._views.poses[number], self._views.points_m(number)
@@ -53,23 +57,41 @@ class Plan:
             except MemoryError:
                 continue
         self.added = last
-        if last == len(self._views):
-            self.ground = ground_of(self._grid.grid_map(), self._views)
-            del self._grid
-        return self.ground is not None
+        return False
+
+    def _finish(self) -> Iterator[None]:
+        """Each step takes some ms for the largest grid."""
+        grid = self._grid.grid_map()
+        yield
+        fine = expected(grid.occupancy, FINE_CELLS)
+        yield
+        coarse = expected(grid.occupancy, COARSE_CELLS)
+        yield
+        self.ground = Ground(fine, coarse, _places(grid, self._views.poses), *grid.origin_m)
+        del self._grid
 
 
-def ground_of(grid: GridMap, views: Views) -> Ground:
-    """What is tried and what counts there."""
-    occupancy, corner = grid.occupancy, np.array(grid.origin_m)
-    near = np.zeros(occupancy.shape, dtype=np.bool_)
+def ground_of(views: Views) -> Ground:
+    """At once."""
+    plan = Plan(views)
+    while not plan.advance(len(views)):
+        pass
+    assert plan.ground is not None
+    return plan.ground
+
+
+def _places(grid: GridMap, poses: FloatArray) -> CellArray:
+    """(D, 2) the middle of every block of STEP_CELLS in which something is free, near to one of the poses (K, 3)."""
+    near = np.zeros(grid.occupancy.shape, dtype=np.bool_)
     reach = round(NEAR_M / CELL_M)
-    for column, row in np.floor((views.poses[:, :2] - corner) / CELL_M).astype(np.int64).tolist():
+    for column, row in np.floor((poses[:, :2] - grid.origin_m) / CELL_M).astype(np.int64).tolist():
         near[max(row - reach, 0) : max(row + reach + 1, 0), max(column - reach, 0) : max(column + reach + 1, 0)] = True
-    free = np.argwhere(near & (occupancy == FREE)) // STEP_CELLS
-    places = (STEP_CELLS * np.unique(free, axis=0).reshape(-1, 2) + STEP_CELLS // 2).astype(np.int32)
-    x_m, y_m = grid.origin_m
-    return Ground(expected(occupancy, FINE_CELLS), expected(occupancy, COARSE_CELLS), places, x_m, y_m)
+    free = near & (grid.occupancy == FREE)
+    rows, columns = -(-np.array(free.shape) // STEP_CELLS)
+    whole = np.zeros((STEP_CELLS * rows, STEP_CELLS * columns), dtype=np.bool_)
+    whole[: free.shape[0], : free.shape[1]] = free
+    blocks = whole.reshape(rows, STEP_CELLS, columns, STEP_CELLS).any(axis=(1, 3))
+    return (STEP_CELLS * np.argwhere(blocks) + STEP_CELLS // 2).astype(np.int32)
 
 
 @kernel

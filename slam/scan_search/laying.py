@@ -5,13 +5,12 @@ Correlative scan matching (Olson 2009), with an answer that says how far it stan
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from drivers.measurements import FloatArray
-from slam.pose import Pose2, wrap_rad
+from slam.pose import Pose2, wrap_rad, wrap_rads
 from slam.recognise.attempt import odds_of
 from slam.scan_search.ground import CELL_M, Ground
 from slam.scan_search.kernels import HEADINGS, QUARTERS, STEPS, TURNS, refine, try_headings
@@ -118,7 +117,7 @@ class _Side:
         """The refined poses that are places of their own, the best first."""
         kept: list[Placed] = []
         for placed in sorted(self._placed, reverse=True):
-            if not any(_same(placed[1:], other[1:], 1.0) for other in kept):
+            if not any(_same(placed, other) for other in kept):
                 kept.append(placed)
         return kept
 
@@ -127,16 +126,17 @@ class _Side:
         order = np.argsort(-self._best, axis=None, kind="stable")[:LOOKED_THROUGH]
         places, quarters = np.divmod(order, QUARTERS)
         rows, columns = self._ground.places[places].T + 0.5
-        angles = 2.0 * math.pi / HEADINGS * self._headings[places, quarters]
-        chosen: list[list[float]] = []
-        for pose in np.column_stack((columns, rows, angles)).tolist():
-            if not any(_same(pose, other, CELL_M) for other in chosen):
-                chosen.append(pose)
-            if len(chosen) == REFINED:
-                break
-        return [np.array(pose) for pose in chosen]
+        poses = np.column_stack((columns, rows, 2.0 * math.pi / HEADINGS * self._headings[places, quarters]))
+        chosen: list[FloatArray] = []
+        while len(poses) and len(chosen) < REFINED:
+            best = poses[0].copy()
+            chosen.append(best)
+            off = poses - best
+            near = np.hypot(off[:, 0], off[:, 1]) < APART_M / CELL_M
+            poses = poses[~(near & (np.abs(wrap_rads(off[:, 2])) < APART_RAD))]
+        return chosen
 
 
-def _same(pose: Sequence[float], other: Sequence[float], unit_m: float) -> bool:
-    apart_m = unit_m * math.hypot(pose[0] - other[0], pose[1] - other[1])
-    return apart_m < APART_M and abs(wrap_rad(pose[2] - other[2])) < APART_RAD
+def _same(placed: Placed, other: Placed) -> bool:
+    apart_m = math.hypot(placed[1] - other[1], placed[2] - other[2])
+    return apart_m < APART_M and abs(wrap_rad(placed[3] - other[3])) < APART_RAD

@@ -3,7 +3,7 @@
 import numpy as np
 
 from slam.maps.views import BEAMS, Views, kept_points
-from slam.scan_search.ground import Plan
+from slam.scan_search.ground import ground_of
 from slam.scan_search.laying import Laying
 
 AHEAD_M, LEFT_M = 4.0, 3.0
@@ -14,9 +14,6 @@ def warm_up_scan_search() -> None:
     angles = np.linspace(-np.pi, np.pi, BEAMS, endpoint=False)
     rays = np.column_stack((np.cos(angles), np.sin(angles)))
     walls = rays / np.maximum(np.abs(rays[:, :1]) / AHEAD_M, np.abs(rays[:, 1:]) / LEFT_M)
-    plan = Plan(Views(np.zeros((1, 3)), kept_points(walls)[None]))
-    plan.advance(1)
-    assert plan.ground is not None
-    laying = Laying(plan.ground, walls)
+    laying = Laying(ground_of(Views(np.zeros((1, 3)), kept_points(walls)[None])), walls)
     while laying.advance(1_000_000) is None:
         pass

@@ -36,7 +36,7 @@ class StudiedRover:
         joint.predict(seen.increment_mean, seen.increment_covariance)
         hints = np.full(seen.rows.ranges_m.size, -1, dtype=np.int64)
         confidence = Confidence(quality.settled_before, quality.map_is_kept)
-        matched = joint.observe(seen.rows, hints, seen.sight, confidence, at_rest=is_first)
+        matched = joint.observe(seen.rows, hints, seen.sight, confidence, begins=is_first)
         quality.add(seen.stamp_ns, joint.evidence, seen.seen_before_share)
         recognition = self.relocaliser.step(seen, matched, quality)
         if recognition is not None:

@@ -8,10 +8,9 @@ import numpy as np
 from drivers.measurements import FloatArray
 from runtime.studies.jobs import Result
 from runtime.studies.relocalisation.told_drives import recorded
-from slam.maps.views import Views
 from slam.relocalise.local_map import ScanSeen
 from slam.scan_search.agreement import Agreement
-from slam.scan_search.ground import Ground, Plan
+from slam.scan_search.ground import Ground, ground_of
 from slam.scan_search.laying import Laid, Laying
 from slam.scan_search.stretch import Stretch
 
@@ -42,14 +41,6 @@ def stranger_trial(
                 odds, agreed = max(odds, laid.odds), max(agreed, agreement.odds)
     result = {"drive": driven, "maps": len(maps), "attempts": attempts, "believed": believed}
     return result | {"odds": round(odds, 1), "agreed": round(agreed, 1)}
-
-
-def ground_of(views: Views) -> Ground:
-    """At once."""
-    plan = Plan(views)
-    plan.advance(len(views))
-    assert plan.ground is not None
-    return plan.ground
 
 
 def attempts_of(ground: Ground, scans: Sequence[ScanSeen], sides: FloatArray) -> Iterator[tuple[Laid, Stretch]]:

@@ -20,7 +20,7 @@ def drive() -> JointGaussian:
     joint.predict(np.zeros(3), np.zeros((3, 3)))
     for _ in range(3):
         seen = features_at([*seen_from(joint.map_from_body, RING), *LATER])
-        joint.observe(seen, unknown(seen), at_rest=True)
+        joint.observe(seen, unknown(seen), begins=True)
     return joint
 
 
