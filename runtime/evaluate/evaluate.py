@@ -55,6 +55,7 @@ def evaluate(run: Path, truth: Path | None = None) -> dict[str, Any]:
         "run": str(run),
         "estimates": str(estimates.folder.path),
         "poses": len(trajectories.estimated),
+        "searched": trajectories.searched,
         "defects": len(trajectories.defects),
         "defect": next(iter(trajectories.defects), None),
         **figures,
@@ -85,6 +86,11 @@ def evaluation_lines(figures: dict[str, Any]) -> list[str]:
     lines = [f"estimates {figures['estimates']}, {figures['poses']} poses", f"truth     {figures['truth']}"]
     if figures["defects"]:
         lines.append(defects_line(figures["defects"], figures["poses"], figures["defect"]))
+    if figures["searched"]:
+        lines.append(
+            f"searched  for its place in the saved map during {figures['searched']} poses before these: they are left "
+            "out, being in no map"
+        )
     if figures["n_known"] is not None:
         lines.append(f"used      {figures['n']} of {figures['n_known']} places")
     if figures["rms_m"] is not None:

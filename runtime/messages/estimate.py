@@ -55,16 +55,20 @@ def decode_estimate(data: bytes) -> Estimate:
         matches=message.matches if message.has_features else None,
         beam_verdicts=message.beam_verdicts if message.has_beam_verdicts else None,
         landmarks=_landmarks(message),
-        counts=dict(zip(message.count_names, message.count_values.tolist(), strict=True)),
+        counts=_counts(message),
     )
 
 
-def decode_poses(data: bytes) -> tuple[Pose2, Pose2, Pose2]:
-    """Only map_from_body, particle_mean and odom_from_body, for whoever wants the trajectories."""
+def decode_poses(data: bytes) -> tuple[tuple[Pose2, Pose2, Pose2], dict[str, float]]:
+    """Only map_from_body, particle_mean and odom_from_body, for whoever wants the trajectories, and the counts."""
     message = decode("/estimate", data)
     arrays = (message.map_from_body, message.particle_mean, message.odom_from_body)
     published, particles, odometry = (Pose2(*array.tolist()) for array in arrays)
-    return published, particles, odometry
+    return (published, particles, odometry), _counts(message)
+
+
+def _counts(message: Any) -> dict[str, float]:
+    return dict(zip(message.count_names, message.count_values.tolist(), strict=True))
 
 
 def _float64(array: NDArray[Any]) -> NDArray[np.float64]:

@@ -18,7 +18,7 @@ from runtime.maps.scan_picture import ScanCells
 from runtime.printable import printable
 from runtime.record.reader import RecordedTick, RunReader
 from runtime.record.room import is_being_written
-from runtime.record.trajectories import Trajectories, with_estimates
+from runtime.record.trajectories import Trajectories, searched_rows, with_estimates
 from runtime.report.device_clock import DeviceClockReader
 from runtime.report.facts import QUALITIES, RunFacts, ScanColumns, TickColumns, WheelColumns
 from runtime.report.named_columns import NamedColumns
@@ -237,12 +237,14 @@ def _accuracy(ticks: TickColumns, origin_ns: int, inputs: RunReader, configurati
     """Figures against whatever truth there is, as `infant evaluate` gives them."""
     stamps_s = ticks.times_s + origin_ns * 1e-9
     known = np.isfinite(ticks.truth[:, 0])
+    searched = searched_rows(ticks.counts)
 
     def rows(poses: FloatArray) -> FloatArray:
         return np.column_stack((stamps_s, poses))
 
     truth = rows(ticks.truth)[known] if known.any() else None
-    trajectories = Trajectories(rows(ticks.estimated), rows(ticks.estimated), rows(ticks.odometry), truth)
+    estimated, odometry = rows(ticks.estimated)[searched:], rows(ticks.odometry)[searched:]
+    trajectories = Trajectories(estimated, estimated, odometry, truth)
     if truth is not None:
         figures = against_simulation(trajectories)
     else:

@@ -11,6 +11,7 @@ from runtime.report.findings.laser import laser_findings
 from runtime.report.findings.map import map_findings
 from runtime.report.findings.pose import pose_findings
 from runtime.report.findings.running import running_findings
+from runtime.report.findings.searching import searching_findings
 from runtime.report.findings.smoothed import smoothed_findings
 from runtime.report.findings.wheels import wheel_findings
 
@@ -29,6 +30,7 @@ def judge(facts: RunFacts) -> list[Finding]:
             *wheel_findings(facts),
             *geometry_findings(facts),
             *running_findings(facts),
+            *searching_findings(facts),
             *pose_findings(facts),
             *map_findings(facts),
             *smoothed_findings(facts),

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from drivers.measurements import Severity
 from runtime.report.facts import QUALITIES, RunFacts
 from runtime.report.finding import Finding, Interval, intervals_where, silences, spans_text
+from runtime.report.findings.searching import is_never_found, searched_until_s
 from slam.quality import UNCERTAIN_GAP_M
 
 STARTING_S = 2.0  # before the first scans nothing is known, and that is no fault
@@ -27,12 +28,13 @@ DOUBTED_M = 0.2  # standard deviation; a smaller one hinders nobody
 
 def pose_findings(facts: RunFacts) -> list[Finding]:
     """All of them."""
-    return [*_quality(facts), *_jumps(facts), *_unmatched(facts), *_people(facts), *_accuracy(facts), *_belief(facts)]
+    told = [*_quality(facts), *_jumps(facts), *_unmatched(facts), *_people(facts)]
+    return told if is_never_found(facts) else [*told, *_accuracy(facts), *_belief(facts)]
 
 
 def _quality(facts: RunFacts) -> list[Finding]:
     ticks, findings = facts.ticks, []
-    late = ticks.times_s > STARTING_S
+    late = ticks.times_s > max(STARTING_S, searched_until_s(facts))
     for word, severity, least_s in (("uncertain", Severity.WARN, UNCERTAIN_S), ("lost", Severity.ERROR, 0.0)):
         holds = (ticks.quality == QUALITIES.index(word)) & late
         intervals = intervals_where(ticks.times_s, holds, FLAPPING_S, least_s)
@@ -109,6 +111,7 @@ def _jumps(facts: RunFacts) -> list[Finding]:
     ways = [np.hypot(*np.diff(poses[:, :2], axis=0).T) for poses in (ticks.estimated, ticks.odometry)]
     beyond = np.maximum(JUMP_M, JUMP_SIGMAS * ticks.position_sd_m[1:])
     holds = (ways[0] - ways[1] > beyond) & (ticks.times_s[1:] > STARTING_S)
+    holds &= ~np.isfinite(ticks.counts.get("recognised_map_id", np.full(len(holds) + 1, np.nan))[1:])
     if not holds.any():
         return []
     intervals = intervals_where(ticks.times_s[1:], holds, 0.5)

@@ -144,7 +144,7 @@ def test_the_pose_of_an_estimate_comes_back_to_the_last_bit() -> None:
     for name in ("stamp_ns", "map_from_body", "covariance", "particle_mean", "particle_covariance", "odom_from_body"):
         assert same_bits(getattr(estimate, name), getattr(again, name)), name
     poses = (estimate.map_from_body, estimate.particle_mean, estimate.odom_from_body)
-    assert decode_poses(record.data) == poses
+    assert decode_poses(record.data) == (poses, estimate.counts)
     assert again.quality is estimate.quality
     assert again.counts == estimate.counts
 

@@ -1,3 +1,4 @@
+import math
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -6,6 +7,8 @@ import numpy as np
 import pytest
 
 from drivers.measurements import Event, Severity
+from runtime.record.trajectories import searched_rows
+from runtime.report.facts import QUALITIES
 from runtime.report.finding import Finding
 from runtime.report.judge import judge, verdict
 from tests.support.runtime.confusion import HEALTHY, grave, is_named, said, table_row
@@ -118,3 +121,37 @@ def test_a_pose_that_is_right_and_claims_to_be_unsure_is_called_underconfident(t
     assert "underconfident" in _grave(judge(unsure))
     right = replace(unsure, accuracy={**facts.accuracy, "rms_m": 0.2, "trimmed_rms_m": 0.2, "odometry_rms_m": 5.0})
     assert "underconfident" not in _grave(judge(right))
+
+
+@pytest.mark.parametrize("found_s", [6.0, math.inf])
+def test_a_run_that_begins_anywhere_in_a_saved_map_is_judged_from_when_its_place_is_known(
+    tmp_path: Path, found_s: float
+) -> None:
+    facts = seeded_facts(tmp_path / "run", 3, duration_s=12.0)
+    ticks = facts.ticks
+    before = ticks.times_s < found_s
+    known = np.where(before, 2.0, 1.0)
+    is_new = np.full(ticks.times_s.size, np.nan)
+    if math.isfinite(found_s):
+        is_new[np.flatnonzero(~before)[0]] = 0.0
+    there = np.where(before[:, None], ticks.estimated, ticks.estimated + np.array((40.0, -25.0, 0.0)))
+    counts = ticks.counts | {"maps_known": known, "recognised_is_new": is_new, "recognised_map_id": is_new}
+    lost = np.where(before, QUALITIES.index("lost"), ticks.quality)
+    findings = judge(replace(facts, ticks=replace(ticks, counts=counts, estimated=there, quality=lost)))
+    searching = next(finding for finding in findings if finding.kind == "searching")
+    if math.isfinite(found_s):
+        assert not _grave(findings), findings
+        assert f"after {found_s:.1f} s" in searching.title
+    else:
+        assert _grave(findings) == {"searching"}
+
+
+def test_poses_of_the_time_before_the_place_is_known_are_in_another_frame() -> None:
+    counts = {
+        "maps_known": np.array((2.0, 2.0, 2.0, 1.0)),
+        "recognised_is_new": np.array((np.nan, np.nan, 0.0, np.nan)),
+    }
+    assert searched_rows(counts) == 2
+    assert searched_rows(counts | {"maps_known": np.ones(4)}) == 0, "a rover that was carried is judged from its start"
+    assert searched_rows(counts | {"recognised_is_new": np.array((np.nan, 1.0, np.nan, np.nan))}) == 0
+    assert searched_rows({}) == 0
