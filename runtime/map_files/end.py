@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.errors import StorageError
+from runtime.errors import NotAMapError, StorageError
 from runtime.map_files.map_file import MapFacts, SavedMap, encode_map
 from runtime.map_files.map_store import write_new_map, write_successor
 from runtime.map_files.start import RunStart
@@ -54,7 +54,11 @@ def end_in_map(joint: JointMap, start: RunStart, configuration: Configuration, f
         facts["trouble"] = "the run added nothing to the map: its place in the map was never recognised"
         return facts
     runs = (folder.path.resolve().name,)
-    data = encode_map(joint, facts_of(configuration, runs, start.saved))
+    try:
+        data = encode_map(joint, facts_of(configuration, runs, start.saved))
+    except NotAMapError as error:
+        facts["trouble"] = f"no map was written: {error}"
+        return facts
     facts["landmarks_after"] = len(joint)
     try:
         facts["successor"] = str(write_successor(start.path, data))

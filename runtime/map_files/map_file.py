@@ -2,23 +2,31 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from drivers.measurements import FloatArray
 from runtime.errors import NotAMapError
 from runtime.map_files.origin import MapOrigin
 from runtime.printable import printable
 from slam.joint.atlas import PARENTS
+from slam.joint.state import MOST_IN_STATE
 from slam.joint.window import ORPHAN
 from slam.maps.joint_map import JointMap
-from slam.maps.views import BEAMS
+from slam.maps.views import BEAMS, MOST_VIEWS
 
 MAGIC, FORMAT = b"INFANTMAP", 2
 SHA_BYTES = 32
 FIRST_LINE_BYTES = 64
 LEAST_LANDMARKS = 2  # fewer leave the heading open
+MOST = {"landmarks": 10_000, "in_state": MOST_IN_STATE, "views": MOST_VIEWS}
+"""By key of the header. 10 000 landmarks are those of 100 km of ordinary ground, and are indexed in two seconds."""
+MOST_IN_A_PATCH = 100  # landmarks in a square of PATCH_M: features are at least 0.1 m apart
+PATCH_M = 1.0
+MOST_HEADER_BYTES = 4 << 20  # a configuration, and the names of some thousands of runs
 SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "identities": ("<i8", ("L",)),
     "log_odds": ("<f8", ("L",)),
@@ -35,6 +43,7 @@ SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "view_poses": ("<f8", ("K", 3)),
     "view_points_cm": ("<i2", ("K", BEAMS, 2)),
 }
+NAMES = {"landmarks": "landmarks", "in_state": "landmarks with a joint covariance", "views": "views"}
 TEXTS = ("created_utc", "configuration", "frame", "rover", "predecessor", "slam_sources")
 LARGEST: dict[str, float] = {
     "means_m": 1e6,
@@ -79,7 +88,9 @@ class SavedMap:
 
 
 def encode_map(joint: JointMap, facts: MapFacts) -> bytes:
-    """The bytes of a file."""
+    """The bytes of a file. Raises NotAMapError where it would be one that nobody could read."""
+    sizes = {"landmarks": len(joint), "in_state": joint.in_state, "views": len(joint.views)}
+    _refuse_excess("the map", sizes, joint.means_m)
     arrays = [np.ascontiguousarray(array, dtype=SHAPES[name][0]) for name, array in joint.arrays.items()]
     header = {
         "scans": joint.scans,
@@ -97,7 +108,13 @@ def encode_map(joint: JointMap, facts: MapFacts) -> bytes:
         "configuration": facts.configuration_text,
         "arrays": list(joint.arrays),
     }
-    body = json.dumps(header).encode() + b"\n" + b"".join(array.tobytes() for array in arrays)
+    text = json.dumps(header).encode()
+    if len(text) >= MOST_HEADER_BYTES:
+        raise NotAMapError(
+            f"the map's configuration and names of runs have {len(text)} bytes, expected less than "
+            f"{MOST_HEADER_BYTES}; save a new map"
+        )
+    body = text + b"\n" + b"".join(array.tobytes() for array in arrays)
     line = MAGIC + b" %d " % FORMAT
     size = len(line) + 21 + len(body) + SHA_BYTES
     data = line + b"%020d\n" % size + body
@@ -117,16 +134,24 @@ def decode_map(data: bytes, name: str) -> SavedMap:
     version, size = int(words[1]), int(words[2])
     if len(data) < size:
         raise NotAMapError(f"{name} is cut off: it has {len(data)} of {size} bytes; take another copy of the map")
-    if len(data) > size or hashlib.sha256(data[:-SHA_BYTES]).digest() != data[-SHA_BYTES:]:
+    if len(data) > size or hashlib.sha256(memoryview(data)[:-SHA_BYTES]).digest() != data[-SHA_BYTES:]:
         raise NotAMapError(f"{name} is damaged: its sha256 differs from the one it was written with; take another copy")
     if version != FORMAT:
         raise NotAMapError(
             f"{name} has format {version}, but this release reads {FORMAT}; use the release that wrote it"
         )
-    header_line, _, payload = data[len(line) + 1 : -SHA_BYTES].partition(b"\n")
+    begin = len(line) + 1
+    end = data.find(b"\n", begin, begin + MOST_HEADER_BYTES)
+    if end < 0:
+        raise NotAMapError(
+            f"{name} has a header that does not end within {MOST_HEADER_BYTES} bytes; take another copy of the map"
+        )
     try:
-        header = json.loads(header_line)
-        joint = _decode_joint(header, payload)
+        header = json.loads(data[begin:end])
+        sizes = {key: int(header[key]) for key in MOST}
+        _refuse_excess(name, sizes)
+        joint = _decode_joint(header, sizes, memoryview(data)[end + 1 : -SHA_BYTES])
+        _refuse_excess(name, sizes, joint.means_m)
         told = {name: _text(name, header[name]) for name in TEXTS}
         facts = MapFacts(
             told["created_utc"],
@@ -145,6 +170,24 @@ def decode_map(data: bytes, name: str) -> SavedMap:
     return SavedMap(joint, facts, hashlib.sha256(data).hexdigest())
 
 
+def _refuse_excess(name: str, sizes: Mapping[str, int], means_m: FloatArray | None = None) -> None:
+    """Raises NotAMapError where a map holds more than any drive needs; means_m (L, 2) of its landmarks."""
+    for key, most in MOST.items():
+        if not 0 <= sizes[key] <= most:
+            raise NotAMapError(
+                f"{name} has {sizes[key]} {NAMES[key]}, expected at most {most}; save maps of shorter drives"
+            )
+    if means_m is None or len(means_m) == 0:
+        return
+    patches, counts = np.unique(np.floor(means_m / PATCH_M), axis=0, return_counts=True)
+    if counts.max() > MOST_IN_A_PATCH:
+        x_m, y_m = (PATCH_M * patches[counts.argmax()]).tolist()
+        raise NotAMapError(
+            f"{name} has {counts.max()} landmarks within {PATCH_M:g} m of x {x_m:g} m, y {y_m:g} m, expected at most "
+            f"{MOST_IN_A_PATCH}; save a new map"
+        )
+
+
 def _text(name: str, value: object) -> str:
     """Raises ValueError where a fact is none."""
     if not isinstance(value, str):
@@ -152,9 +195,9 @@ def _text(name: str, value: object) -> str:
     return value
 
 
-def _decode_joint(header: dict[str, Any], payload: bytes) -> JointMap:
+def _decode_joint(header: dict[str, Any], counts: Mapping[str, int], payload: memoryview) -> JointMap:
     """Raises ValueError where the arrays do not make a map."""
-    sizes = {"L": int(header["landmarks"]), "S": 2 * int(header["in_state"]), "K": int(header["views"])}
+    sizes = {"L": counts["landmarks"], "S": 2 * counts["in_state"], "K": counts["views"]}
     arrays: dict[str, Any] = {}
     offset = 0
     for name in header["arrays"]:

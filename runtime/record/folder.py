@@ -15,7 +15,7 @@ from runtime.atomic_write import acting_as_owner, atomic_write, refuse_link
 from runtime.errors import NotARunError, RunExistsError, StorageError
 from runtime.printable import printable
 
-LARGEST_MAP_BYTES = 256 << 20  # of a saved map; one of 10 000 landmarks has a tenth
+LARGEST_MAP_BYTES = 64 << 20  # of a saved map with as much in it as runtime/map_files/map_file.py allows
 MOST_SEGMENTS = 999_999  # of half a second each: five days; of a minute: two years
 CLOSED_NAME = re.compile(r"run-([0-9]{4,6})\.mcap")
 DIGITS = re.compile(r"run-\d+\.mcap")

@@ -28,7 +28,7 @@ from slam.joint.keyframe_axis import AHEAD, BEHIND, between, between_with_covari
 from slam.joint.measurement import FIRST_PLACE, JointArrays
 from slam.joint.neighbours import block, places_within, update_existence
 from slam.joint.slip import associate_with_slip
-from slam.joint.state import JointState
+from slam.joint.state import MOST_IN_STATE, JointState
 from slam.observations import IDENTITIES_PER_SCAN, NEW, PENDING, FeatureRows
 from slam.pose import Pose2
 from slam.settings.joint import JointSettings
@@ -291,7 +291,8 @@ class JointGaussian:
             state.remove(number)
 
     def _create(self, features: FeatureRows, chosen: IntArray, hints: IntArray) -> None:
-        for index in np.flatnonzero(chosen == NEW).tolist():
+        room = max(0, MOST_IN_STATE - self.state.count)
+        for index in np.flatnonzero(chosen == NEW).tolist()[:room]:
             known = int(features.identities[index])
             if known < 0 and self._variant.association == "particles":
                 known = int(hints[index])

@@ -16,7 +16,7 @@ from slam.joint.kernels import append, forget
 from slam.joint.measurement import FIRST_PLACE
 from slam.joint.window import ORPHAN, least_needed, nearest_places, regress, restore
 from slam.observations import Sighting
-from slam.settings.joint import JointSettings
+from slam.settings.joint import MOST_SET, JointSettings
 
 DISTANCE_SCALE_SIGMA = 0.02  # standard deviation of a constant relative error of every distance driven
 TURN_SCALE_SIGMA = 0.02  # standard deviation of a constant relative error of every turn
@@ -26,6 +26,7 @@ LOOK_EVERY_M = 2.0  # the rover moves this far before landmarks come back again
 KEEP_M = 10.0  # beyond what can be in view: what just came back does not leave at once
 LEAVING_PER_SCAN = 8
 MOST_RETURNING = 256  # at a loop closed through more landmarks than this, a step would take longer than a beat
+MOST_IN_STATE = MOST_SET + MOST_RETURNING  # landmarks, however thick they stand: their covariance has 34 MB
 
 
 class JointState:
@@ -208,8 +209,9 @@ class JointState:
 
         near = [row for row in self.atlas.away_near(x, y, radius) if gap_square(row) <= radius * radius]
         returning = self.atlas.with_ancestors(near)
-        if len(returning) > MOST_RETURNING:
-            nearest = set(sorted(returning, key=gap_square)[:MOST_RETURNING])
+        room = max(0, min(MOST_RETURNING, MOST_IN_STATE - self.count))
+        if len(returning) > room:
+            nearest = set(sorted(returning, key=gap_square)[:room])
             self._let_stand_alone([row for row in returning if row in nearest], nearest)
             returning = [row for row in returning if row in nearest]
         for row in returning:

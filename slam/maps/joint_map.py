@@ -20,7 +20,7 @@ from slam.joint.gaussian import CONFIRMED_LOG_ODDS, KEYFRAME, JointGaussian
 from slam.joint.measurement import FIRST_PLACE
 from slam.joint.state import JointState
 from slam.joint.window import ORPHAN
-from slam.maps.views import NO_VIEWS, CentimetreArray, Views
+from slam.maps.views import MOST_VIEWS, NO_VIEWS, CentimetreArray, Views
 from slam.pose import Pose2
 
 MOST_DENSE = 4096  # points that are taken into one state to hang them anew: half a gigabyte for a moment
@@ -94,8 +94,10 @@ class JointMap:
 
 
 def take_map(joint: JointGaussian, views: Views = NO_VIEWS) -> JointMap:
-    """The confirmed landmarks of a joint Gaussian, which is not changed, and the views of its keyframes."""
-    state = joint.state
+    """The confirmed landmarks of a joint Gaussian, which is not changed, and the views of its keyframes, thinned where
+    they are too many.
+    """
+    state, views = joint.state, views.thinned(MOST_VIEWS)
     kept = _kept(state)
     away = np.flatnonzero(kept & (state.atlas.place == AWAY))
     parents = state.atlas.parents[away]

@@ -11,6 +11,7 @@ from slam.pose import Pose2, composed
 BEAMS = 120  # of a scan are kept
 NOTHING_CM = -32768  # nothing came back
 FARTHEST_CM = 32767
+MOST_VIEWS = 20_000  # of a map, 10 MB: one for each metre of 20 km
 
 CentimetreArray = NDArray[np.int16]
 
@@ -34,6 +35,13 @@ class Views:
     def joined(self, others: "Views") -> "Views":
         """These and others of the same map."""
         return Views(np.vstack((self.poses, others.poses)), np.concatenate((self.points_cm, others.points_cm)))
+
+    def thinned(self, most: int) -> "Views":
+        """So many of them, evenly spread over the drives that they are of, or all."""
+        if len(self) <= most:
+            return self
+        kept = np.arange(most) * len(self) // most
+        return Views(self.poses[kept], self.points_cm[kept])
 
     def turned(self, new_from_old: Pose2) -> "Views":
         """The same in another map."""

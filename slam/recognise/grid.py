@@ -103,25 +103,32 @@ def nearest(grid: Grid, x: float, y: float, gate_m: float) -> tuple[int, float]:
 
 @kernel
 def neighbours(
-    points_m: FloatArray, used: BoolArray, row: int, least_m: float, most_m: float, crowd_m: float
-) -> tuple[IntArray, FloatArray, IntArray]:
-    """Of the used rows other than this: those least_m to most_m away, their distances, and those within crowd_m."""
+    points_m: FloatArray,
+    used: BoolArray,
+    row: int,
+    least_m: float,
+    most_m: float,
+    crowd_m: float,
+    crowds: IntArray,
+    by: int,
+) -> tuple[IntArray, FloatArray, int]:
+    """Of the used rows other than this: those least_m to most_m away, their distances, and how many are within crowd_m,
+    to whose crowds (R,) `by` is added.
+    """
     count, crowd = 0, 0
-    found, near = np.empty(8, dtype=np.int64), np.empty(8, dtype=np.int64)
-    distances = np.empty(8)
+    found, distances = np.empty(8, dtype=np.int64), np.empty(8)
     x, y, reach_m = points_m[row, 0], points_m[row, 1], max(most_m, crowd_m)
     for other in range(used.size):
         dx, dy = points_m[other, 0] - x, points_m[other, 1] - y
         if abs(dx) > reach_m or abs(dy) > reach_m or not used[other] or other == row:
             continue
-        if max(count, crowd) == found.size:
-            found, near = np.concatenate((found, found)), np.concatenate((near, near))
-            distances = np.concatenate((distances, distances))
         square = dx * dx + dy * dy
         if least_m * least_m <= square <= most_m * most_m:
+            if count == found.size:
+                found, distances = np.concatenate((found, found)), np.concatenate((distances, distances))
             found[count], distances[count] = other, math.sqrt(square)
             count += 1
         if square <= crowd_m * crowd_m:
-            near[crowd] = other
+            crowds[other] += by
             crowd += 1
-    return found[:count].copy(), distances[:count].copy(), near[:crowd].copy()
+    return found[:count].copy(), distances[:count].copy(), crowd

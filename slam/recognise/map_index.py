@@ -17,6 +17,7 @@ from slam.recognise.scale import Scale
 LONGEST_M = 30.0  # of a pair of landmarks; shortened where the map would have more pairs than MOST_PAIRS
 SHORTER = 0.8
 MOST_PAIRS = 1_500_000
+MOST_COMING = 500_000  # pairs that are found before they are sorted in: all of a crowded map would fill the memory
 CROWD_M = 12.0  # radius within which the density around a landmark is counted
 CELL_M = 10.0  # of the area that the map covers: cells with a landmark and those around them
 MOVED_SHARE = 0.25  # of the scale's sigma: a landmark that the filter has moved by more is indexed anew
@@ -102,36 +103,42 @@ class MapIndex:
         self._pairs = _only(self._pairs, ~(leaving[self._pairs.first] | leaving[self._pairs.second]))
         for row in rows.tolist():
             used = self._identities != FREE
-            _, _, near = neighbours(self._points, used, row, 0.0, 0.0, CROWD_M)
-            self._crowds[near] -= 1
+            neighbours(self._points, used, row, 0.0, 0.0, CROWD_M, self._crowds, -1)
             self._cover(row, -1)
             del self._row_of[int(self._identities[row])]
             self._identities[row] = FREE
             self._free.append(row)
 
     def _come(self, identities: IntArray, means_m: FloatArray) -> None:
-        lengths, first, second = [], [], []
+        if not len(identities):
+            return
+        self._indexed = None
+        lengths, first, second, found = [], [], [], 0
         for identity, mean in zip(identities.tolist(), means_m, strict=True):
             if not self._free:
                 self._enlarge()
             row = self._free.pop()
             self._points[row] = mean
             used = self._identities != FREE
-            others, distances, near = neighbours(
-                self._points, used, row, self.scale.shortest_pair_m, self._longest_m, CROWD_M
+            others, distances, self._crowds[row] = neighbours(
+                self._points, used, row, self.scale.shortest_pair_m, self._longest_m, CROWD_M, self._crowds, 1
             )
-            self._crowds[near] += 1
-            self._crowds[row] = len(near)
             self._identities[row] = identity
             self._row_of[identity] = row
             self._cover(row, 1)
             lengths.append(distances)
             first.append(np.full(len(others), row))
             second.append(others)
-        if not lengths:
-            return
-        self._indexed = None
-        self._pairs = _merged(self._pairs, np.concatenate(lengths), np.concatenate(first), np.concatenate(second))
+            found += len(others)
+            if found >= MOST_COMING:
+                self._sort_in(np.concatenate(lengths), np.concatenate(first), np.concatenate(second))
+                lengths, first, second, found = [], [], [], 0
+        if lengths:
+            self._sort_in(np.concatenate(lengths), np.concatenate(first), np.concatenate(second))
+
+    def _sort_in(self, lengths_m: FloatArray, first: IntArray, second: IntArray) -> None:
+        """Add pairs (p,), and leave out the longest of all while there are too many."""
+        self._pairs = _merged(self._pairs, lengths_m, first, second)
         while len(self._pairs.lengths_m) > MOST_PAIRS:
             self._longest_m *= SHORTER
             self._pairs = _only(self._pairs, self._pairs.lengths_m <= self._longest_m)

@@ -1,5 +1,6 @@
 """A saved map comes back as it was; one that is not as it was is refused in one sentence that says why."""
 
+import math
 import os
 import threading
 from dataclasses import replace
@@ -10,9 +11,11 @@ import numpy as np
 import pytest
 
 from runtime.errors import NotAMapError, RunExistsError, StorageError
-from runtime.map_files import map_store
+from runtime.map_files import map_file, map_store
 from runtime.map_files.map_file import decode_map, encode_map
 from runtime.map_files.map_store import read_map, write_new_map, write_successor
+from runtime.record.folder import LARGEST_MAP_BYTES
+from slam.maps.joint_map import JointMap
 from tests.support.runtime.small_maps import FACTS, map_bytes, small_map
 
 
@@ -68,6 +71,49 @@ def test_counts_beyond_all_drives_are_refused(changes: dict[str, Any]) -> None:
 def test_facts_that_are_no_text_are_refused(facts: dict[str, Any]) -> None:
     with pytest.raises(NotAMapError, match=f"{next(iter(facts))} is .*, expected text"):
         decode_map(encode_map(small_map(), replace(FACTS, **facts)), "hall.map")
+
+
+@pytest.mark.parametrize(
+    ("key", "joint"),
+    [("landmarks", small_map(60)), ("in_state", small_map(60, 30)), ("views", small_map(8))],
+)
+def test_a_map_with_more_than_any_drive_needs_is_refused(
+    key: str, joint: JointMap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data, count = encode_map(joint, FACTS), {"landmarks": 60, "in_state": 30, "views": 2}[key]
+    monkeypatch.setitem(map_file.MOST, key, count - 1)
+    with pytest.raises(NotAMapError, match=rf"hall\.map has {count} .*, expected at most {count - 1}; save"):
+        decode_map(data, "hall.map")
+    with pytest.raises(NotAMapError, match=f"the map has {count}"):
+        encode_map(joint, FACTS)
+
+
+def test_landmarks_all_at_one_place_are_refused_with_the_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    count = map_file.MOST_IN_A_PATCH + 1
+    heaped = replace(small_map(count), means_m=np.full((count, 2), -3.5))
+    with monkeypatch.context() as patch:
+        patch.setattr(map_file, "MOST_IN_A_PATCH", count)
+        data = encode_map(heaped, FACTS)
+    with pytest.raises(NotAMapError, match=f"{count} landmarks within 1 m of x -4 m, y -4 m, expected at most"):
+        decode_map(data, "hall.map")
+
+
+def test_a_map_with_as_much_in_it_as_is_allowed_fits_into_its_file() -> None:
+    sizes = {"L": map_file.MOST["landmarks"], "S": 2 * map_file.MOST["in_state"], "K": map_file.MOST["views"]}
+    arrays = sum(
+        np.dtype(kind).itemsize * math.prod(sizes[size] if isinstance(size, str) else size for size in shape)
+        for kind, shape in map_file.SHAPES.values()
+    )
+    assert arrays + map_file.MOST_HEADER_BYTES + 1024 < LARGEST_MAP_BYTES
+
+
+def test_a_header_without_an_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    data = map_bytes()
+    monkeypatch.setattr(map_file, "MOST_HEADER_BYTES", 100)
+    with pytest.raises(NotAMapError, match="header that does not end within 100 bytes"):
+        decode_map(data, "hall.map")
+    with pytest.raises(NotAMapError, match="configuration and names of runs"):
+        map_bytes()
 
 
 def test_every_flipped_byte_is_noticed() -> None:

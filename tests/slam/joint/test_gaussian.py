@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
-from slam.joint import state
+from slam.joint import gaussian, state
 from slam.joint.gaussian import JointGaussian, Variant
 from slam.observations import FeatureRows, Features, MatchVerdict, usable_rows
 from slam.pose import Pose2
@@ -249,3 +249,10 @@ def test_a_jump_of_half_a_turn_in_heading_stays_wrapped() -> None:
     for _ in range(10):
         joint.step(np.array((0.0, 0.0, 1.0)), STEP_NOISE, features_at([]), np.empty(0, dtype=np.int64))
     assert -math.pi < joint.map_from_body.heading_rad <= math.pi
+
+
+def test_no_more_landmarks_are_made_than_the_state_may_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(gaussian, "MOST_IN_STATE", 4)
+    joint = JointGaussian(JointSettings(), Pose2(), TUNING)
+    look(joint, RING, 2)
+    assert joint.landmark_count == 4

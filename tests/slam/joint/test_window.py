@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.measurements import FloatArray
+from slam.joint import state as state_module
 from slam.joint.kernels import append, forget
 from slam.joint.measurement import FIRST_PLACE
 from slam.joint.state import MOST_RETURNING, JointState
@@ -168,3 +169,16 @@ def test_a_map_that_moved_is_found_where_it_is_now() -> None:
     state.bring_back()
     assert all(state.atlas.place[index] >= 0 for index in range(4))
     assert state.atlas.means[0, 0] == pytest.approx(30.0 + 3.0 * math.cos(1.0), abs=1.0)
+
+
+def test_the_state_has_a_bound_however_thick_landmarks_stand(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A saved map may have thousands within reach: every 2 m brought 256 of them back, and none of them left."""
+    monkeypatch.setattr(state_module, "MOST_IN_STATE", 40)
+    state = JointState(JointSettings(landmarks_in_state=12), reach_m=20.0, cell_m=15.0)
+    for index in range(200):
+        state.atlas.add_away(index, 6.0, np.array((0.1 * index, 1.0)), 0.01 * np.eye(2))
+    for step in range(8):
+        state.mean[0] = 3.0 * step
+        state.bring_back()
+        assert state.count <= 40
+    assert state.atlas.count == 200

@@ -95,7 +95,7 @@ def test_the_map_has_hardly_more_landmarks_than_were_in_view(kind: WorldKind) ->
 
 
 def test_a_small_window_is_as_good_as_the_whole_state() -> None:
-    whole, window = run("P", 0, 4000), run("P", 0, 40)
+    whole, window = run("P", 0, 768), run("P", 0, 40)
     assert whole.most_in_state > 1.5 * window.most_in_state
     assert np.abs(whole.poses - window.poses).max() < 0.05
     assert np.nanmedian(window.squared_errors) < 1.3 * np.nanmedian(whole.squared_errors)

@@ -12,7 +12,9 @@ from slam.joint.gaussian import KEYFRAME, JointGaussian, Variant
 from slam.joint.measurement import FIRST_PLACE
 from slam.joint.state import JointState
 from slam.joint.window import ORPHAN
+from slam.maps import joint_map
 from slam.maps.joint_map import JointMap, put_map, take_map, tie_pose
+from slam.maps.views import BEAMS, Views
 from slam.observations import FeatureRows
 from slam.pose import Pose2
 from slam.settings.joint import JointSettings
@@ -177,3 +179,12 @@ def test_a_pose_read_off_a_map_shares_the_error_of_the_landmarks_around_it() -> 
     assert p[1, 1] > spread[1, 1] + 0.5 * p[at + 1, at + 1]
     n = state.size
     assert np.linalg.eigvalsh(p[:n, :n])[0] > -1e-9
+
+
+def test_views_beyond_the_bound_are_thinned_evenly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each drive that begins in a map adds its own: a map that could not be read again would be the end of it."""
+    monkeypatch.setattr(joint_map, "MOST_VIEWS", 4)
+    poses = np.column_stack((np.arange(10.0), np.zeros((10, 2))))
+    known = take_map(driven(), Views(poses, np.zeros((10, BEAMS, 2), dtype=np.int16)))
+    assert known.view_poses[:, 0].tolist() == [0.0, 2.0, 5.0, 7.0]
+    assert known.view_points_cm.shape == (4, BEAMS, 2)

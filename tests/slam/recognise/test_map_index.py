@@ -7,7 +7,7 @@ from drivers.measurements import FloatArray, IntArray
 from runtime.studies.recognition.constellations import SCALE, scattered
 from slam.recognise import map_index
 from slam.recognise.grid import NONE, make_grid, nearest
-from slam.recognise.map_index import MapIndex, index_of
+from slam.recognise.map_index import MapIndex, MapPairs, index_of
 from tests.support.examples import examples
 
 
@@ -62,6 +62,25 @@ def test_pairs_beyond_the_bound_shorten_the_longest(monkeypatch: pytest.MonkeyPa
     lengths = index.indexed.pairs.lengths_m
     assert 100 < len(lengths) <= 300
     assert lengths.min() >= SCALE.shortest_pair_m
+
+
+def test_pairs_of_a_crowded_map_never_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """10 000 landmarks within 20 m took 5 GB: all their pairs were found before the longest were left out."""
+    monkeypatch.setattr(map_index, "MOST_PAIRS", 1000)
+    monkeypatch.setattr(map_index, "MOST_COMING", 10**9)
+    identities, means = np.arange(400), np.random.default_rng(3).uniform(-10.0, 10.0, (400, 2))
+    at_once = content(index_of(SCALE, identities, means))
+    monkeypatch.setattr(map_index, "MOST_COMING", 500)
+    coming: list[int] = []
+    merged = map_index._merged
+
+    def watched(pairs: MapPairs, lengths_m: FloatArray, first: IntArray, second: IntArray) -> MapPairs:
+        coming.append(len(lengths_m))
+        return merged(pairs, lengths_m, first, second)
+
+    monkeypatch.setattr(map_index, "_merged", watched)
+    assert content(index_of(SCALE, identities, means)) == at_once
+    assert max(coming) < 500 + 400
 
 
 @examples(50)
