@@ -153,10 +153,29 @@ def load_configuration_text(
         raise _refused(source, problems)
     try:
         # JSON mode: strict about types, yet lists fill tuples and words fill enumerations
-        return Configuration.model_validate_json(json.dumps(tree, default=str), strict=True)
+        configuration = Configuration.model_validate_json(json.dumps(tree, default=str), strict=True)
     except ValidationError as error:
         problems = [_sentence(problem) for problem in error.errors()]
         raise _refused(source, problems) from error
+    if (not recorded or overrides) and (problems := _of_another_sensor(configuration)):
+        raise _refused(source, problems)
+    return configuration
+
+
+def _of_another_sensor(configuration: Configuration) -> list[str]:
+    """Settings for a sensor that names its landmarks, which a laser does not: each step would fail or match nothing."""
+    slam = configuration.slam
+    if configuration.laser is None:
+        return []
+    return [
+        f"{key} = {value!r}: expected {expected} with the table [laser], because a laser does not name its landmarks; "
+        "change it in the configuration"
+        for key, value, wrong, expected in (
+            ("slam.front_end.kind", slam.front_end.kind, "given", "'robust' or 'paper'"),
+            ("slam.association.strategy", slam.association.strategy, "known", "'sequential' or 'simultaneous'"),
+        )
+        if value == wrong
+    ]
 
 
 def _with_files(configuration: Configuration, folder: Path) -> Configuration:

@@ -1,8 +1,8 @@
 """[slam.front_end]: how beams become point features."""
 
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from slam.settings.alignment import AlignmentSettings
 
@@ -26,14 +26,14 @@ class FrontEndSettings(BaseModel):
     )
     sigma_range_m: float = Field(
         default=0.02,
-        gt=0.0,
+        ge=1e-4,
         le=5.0,
         description="Standard deviation of one range. Take it from the data sheet (Hokuyo: 0.01 to 0.03) or "
         "measure it with `infant calibrate`",
     )
     sigma_bearing_rad: float = Field(
         default=0.0022,
-        gt=0.0,
+        ge=1e-5,
         le=0.5,
         description="Standard deviation of a bearing, used by the kinds paper and given. Take half the angle "
         "between two beams, or the known error of the camera",
@@ -60,14 +60,14 @@ class FrontEndSettings(BaseModel):
     )
     range_max_m: float = Field(
         default=60.0,
-        gt=0.0,
+        ge=0.5,
         le=500.0,
         description="Returns farther than this are ignored; the limit of the scan itself applies too. Lower it, "
         "like slam.view.range_max_m, if the sensor's far returns cannot be trusted",
     )
     width_max_m: float = Field(
         default=0.9,
-        gt=0.0,
+        ge=0.02,
         le=5.0,
         description="Segments wider than this are not trunks. Take the thickest round object of the place: 0.4 "
         "indoors (posts, chair legs), 2 among old trees that few beams hit",
@@ -80,3 +80,9 @@ class FrontEndSettings(BaseModel):
     alignment: AlignmentSettings = Field(
         default_factory=AlignmentSettings, description="Alignment of scans that are seconds apart"
     )
+
+    @model_validator(mode="after")
+    def _leaves_returns(self) -> Self:
+        if self.range_min_m >= self.range_max_m:
+            raise ValueError(f"range_min_m below range_max_m, not {self.range_min_m} and {self.range_max_m}")
+        return self

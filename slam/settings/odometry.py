@@ -109,14 +109,14 @@ class OdometrySettings(BaseModel):
     )
     noise_time_s: float = Field(
         default=0.2,
-        gt=0,
+        ge=0.001,
         le=10,
         description="How long one draw of the white noises above lasts. Take the sampling time for which they are "
         "quoted",
     )
     gap_s: float = Field(
         default=0.5,
-        gt=0,
+        ge=0.01,
         le=10,
         description="Silence of the wheels after which their motion counts as unknown. Choose it longer than the "
         "longest usual gap of the log",

@@ -12,7 +12,7 @@ class QualitySettings(BaseModel):
 
     lost_score: float = Field(
         default=18.0,
-        gt=0,
+        ge=1,
         le=1e6,
         description="Log-odds against the pose at which it is lost, and at half of which it is uncertain. They "
         "come from settled landmarks that are missed or seen as expected, summed over scans. Raise it "
@@ -20,14 +20,14 @@ class QualitySettings(BaseModel):
     )
     uncertain_blind_s: float = Field(
         default=0.8,
-        gt=0,
+        ge=0.05,
         le=1000,
         description="Time without a scan that supports the pose before it is uncertain, and never less than twice "
         "the usual gap between scans. Raise it if the laser is known to see nothing at times",
     )
     lost_blind_s: float = Field(
         default=2.0,
-        gt=0,
+        ge=0.05,
         le=1000,
         description="The same before the pose is lost, and never less than four times the usual gap. Choose the "
         "longest stretch that the rover may drive on its wheels alone",

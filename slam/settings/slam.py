@@ -101,7 +101,7 @@ class ViewSettings(BaseModel):
 
     range_max_m: float = Field(
         default=30.0,
-        gt=0,
+        ge=0.5,
         le=500,
         description="Features farther away are ignored. Take the range of the sensor from its data sheet",
     )
@@ -164,7 +164,7 @@ class SlamSettings(BaseModel):
     particles: int = Field(
         default=100,
         ge=1,
-        le=100_000,
+        le=10_000,
         description="Number of particles; 30 to 100 are enough. Lower it if `infant bench` shows steps close to "
         "the beat",
     )
