@@ -32,6 +32,7 @@ those of the laser in front."""
 WORDS = ("ODOM", "PARAM", *LASERS)
 SCANS, ODOMETRY = "scans", "odometry samples"
 MOST_NAMED = 3
+LINE_BYTES, BEAM_BYTES = 900, 12  # of memory for each line and for each of its beams, with all that is made of them
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,8 @@ def load_carmen(source: Path) -> Archive:
     log, lines = _Log(source), TextLines(source)
     try:
         for number, line, is_whole in lines:
-            _read(line, number, is_whole, log)
+            beams = _read(line, number, is_whole, log)
+            lines.keep(0 if beams is None else LINE_BYTES + BEAM_BYTES * beams)
     except OSError as error:
         raise DataSetError(f"{source} cannot be read as a CARMEN log ({error}); fetch it again") from error
     if lines.damage:
@@ -74,21 +76,25 @@ def load_carmen(source: Path) -> Archive:
     return _archive(log)
 
 
-def _read(line: str, number: int, is_whole: bool, log: _Log) -> None:
+def _read(line: str, number: int, is_whole: bool, log: _Log) -> int | None:
+    """Keep what the line says; the number of its beams, None where nothing of it is kept."""
     words = line.split()
     if not words or words[0] not in WORDS:
         log.is_gmapping |= words[:1] == [MARK]
-        return
+        return None
     what = ODOMETRY if words[0] == "ODOM" else SCANS
     try:
         if words[0] == "PARAM":
             carmen_lines.parameter(words, log.told)
-            return
+            return None
         item = carmen_lines.odometry_line(words) if what is ODOMETRY else carmen_lines.laser_line(words)
-        log.lines.append(_Line(number, words[0], carmen_lines.stamps_s(words), item))
+        word = WORDS[WORDS.index(words[0])]  # one text for all lines
+        log.lines.append(_Line(number, word, carmen_lines.stamps_s(words), item))
+        return len(item.ranges_m) if isinstance(item, LaserLine) else 0
     except (ValueError, IndexError) as error:
         reason = f"{words[0]} line cannot be read ({error})" if is_whole else "the log was cut off in this line"
         log.left_out.add("PARAM lines" if words[0] == "PARAM" else what, reason, log.place(number))
+        return None
 
 
 def _choose_laser(log: _Log) -> None:
@@ -125,7 +131,7 @@ def _undo_corrections(log: _Log) -> None:
 def _archive(log: _Log) -> Archive:
     scans, odometry = _in_order(log)
     if not scans:
-        first = log.left_out.first()
+        first = "; ".join(filter(None, (log.left_out.first(), *log.left_out.warnings)))
         raise DataSetError(
             f"{log.source} holds no usable scan ({', '.join(LASERS)} lines){f'; {first}' if first else ''}; "
             "nothing was written"

@@ -12,15 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.canbus.frame import CanFrame
-from drivers.measurements import DriverError, WheelCounts
+from drivers.measurements import DriverError
 from drivers.settings.encoders import EncoderSettings
 from drivers.wheels.layouts.choose import wheel_decoder
 from drivers.wheels.pair import WheelPair
 from runtime.errors import DataSetError
 from runtime.importers.archive import Archive
 from runtime.importers.parsing.beams import padded_ranges
-from runtime.importers.parsing.candump_lines import candump_line
+from runtime.importers.parsing.candump_lines import FRAME_BYTES, FrameColumns, OrderedFrames, candump_line
 from runtime.importers.parsing.clock_steps import join_clock, step_sentences
 from runtime.importers.parsing.left_out import LeftOut
 from runtime.importers.parsing.scip_capture import chunks, read_capture
@@ -81,29 +80,32 @@ def load_candump(source: Path, settings: EncoderSettings) -> Archive:
     except DriverError as error:
         raise DataSetError(str(error)) from error
     pair = WheelPair(settings, decoder)
-    samples: list[WheelCounts] = []
+    samples: list[array[Any]] = [array(kind) for kind in "qddBB"]
     for frame in frames:
         pair.feed(frame)
-        samples += pair.take()
+        for sample in pair.take():
+            row = (sample.stamp_ns, sample.left, sample.right, sample.valid, sample.unbroken)
+            for column, value in zip(samples, row, strict=True):
+                column.append(value)
     _report(source, frames, pair, decoder.ids, left_out)
     meta = {"name": f"candump {source.name}"}
-    start_ns = frames[0].stamp_ns if frames else 0
+    start_ns = int(frames.stamps_ns[0]) if len(frames) else 0
     arrays: dict[str, NDArray[Any]] = {}
-    if samples:
+    stamps_ns, left, right, valid, unbroken = (np.array(column) for column in samples)
+    if len(stamps_ns):
         arrays = {
-            "odom_t": np.array([sample.stamp_ns for sample in samples]) * 1e-9,
-            "odom_ticks": np.array([(sample.left, sample.right) for sample in samples]),
-            "odom_valid": np.array([sample.valid for sample in samples]),
-            "odom_unbroken": np.array([sample.unbroken for sample in samples]),
+            "odom_t": stamps_ns * 1e-9,
+            "odom_ticks": np.column_stack((left, right)),
+            "odom_valid": valid.astype(np.bool_),
+            "odom_unbroken": unbroken.astype(np.bool_),
         }
-        start_ns = samples[0].stamp_ns
+        start_ns = int(stamps_ns[0])
     return Archive(meta["name"], source, arrays, dict(meta), left_out, raw=lambda: _can_records(frames, start_ns))
 
 
-def _frames(source: Path, settings: EncoderSettings, left_out: LeftOut) -> list[CanFrame]:
+def _frames(source: Path, settings: EncoderSettings, left_out: LeftOut) -> OrderedFrames:
     """Frames of one bus in the order of their stamps, on one clock that never goes back."""
-    frames: list[CanFrame] = []  # their times and channels apart: a line may be as short as 11 bytes
-    times_s, channel_of = array("d"), array("B")
+    frames = FrameColumns()
     channels: dict[str, int] = {}
     lines = TextLines(source)
     lengths: dict[int, int] = {}
@@ -122,16 +124,16 @@ def _frames(source: Path, settings: EncoderSettings, left_out: LeftOut) -> list[
             left_out.add("frames", CUT, f"{source.name}:{number}")
             continue
         lengths[frame.arbitration_id] = len(frame.data)
-        frames.append(frame)
-        times_s.append(seconds)
-        channel_of.append(channels.setdefault(channel, len(channels)))
+        frames.add(seconds, channels.setdefault(channel, len(channels)), frame)
+        lines.keep(FRAME_BYTES)
     if lines.damage:
         left_out.warnings.append(f"{source.name} is read up to its last whole line: {lines.damage}")
-    if not frames:
+    if not len(frames):
         first = left_out.first()
         raise DataSetError(
             f"{source} holds no frame with a time{f'; {first}' if first else ''}; record it with candump -l"
         )
+    channel_of = np.array(frames.channels)
     counts = np.bincount(channel_of)
     wanted = channels.get(settings.bus.channel, int(counts.argmax()))
     if len(channels) > 1:
@@ -139,20 +141,15 @@ def _frames(source: Path, settings: EncoderSettings, left_out: LeftOut) -> list[
         left_out.notes.append(
             f"{taken} is read, out of {', '.join(sorted(channels))}; encoders.bus.channel names the bus"
         )
-    clock = join_clock(times_s)
+    clock = join_clock(frames.times_s)
     left_out.warnings += step_sentences(clock.steps, lambda row: f"frame {row + 1}: the clock")
     left_out.add("frames", "the stamp lies far from its neighbours", source.name, int((~clock.good).sum()))
-    order = [
-        row
-        for row in np.argsort(clock.stamps_s, kind="stable").tolist()
-        if clock.good[row] and channel_of[row] == wanted
-    ]
-    for row in order:
-        frames[row] = frames[row]._replace(stamp_ns=round(float(clock.stamps_s[row]) * 1e9))
-    return [frames[row] for row in order]
+    order = np.argsort(clock.stamps_s, kind="stable")
+    order = order[clock.good[order] & (channel_of[order] == wanted)]
+    return OrderedFrames(frames, order, np.rint(clock.stamps_s[order] * 1e9).astype(np.int64))
 
 
-def _report(source: Path, frames: list[CanFrame], pair: WheelPair, ids: tuple[int, ...], left_out: LeftOut) -> None:
+def _report(source: Path, frames: OrderedFrames, pair: WheelPair, ids: tuple[int, ...], left_out: LeftOut) -> None:
     """Say what the frames told of the wheels."""
     if not pair.good_frames:
         there = [
@@ -172,7 +169,7 @@ def _report(source: Path, frames: list[CanFrame], pair: WheelPair, ids: tuple[in
                 left_out.add(f"frames of the {wheel.wheel} wheel", reason, source.name, count)
 
 
-def _can_records(frames: list[CanFrame], start_ns: int) -> Iterator[Record]:
+def _can_records(frames: OrderedFrames, start_ns: int) -> Iterator[Record]:
     """The frames as /raw/can, with stamps since the set's start."""
     for stamp_ns, identity, data, flags in frames:
         yield encode_can_frame(max(0, stamp_ns - start_ns), identity, flags, data)

@@ -5,7 +5,12 @@
 """
 
 import re
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass
 from datetime import UTC, datetime
+
+import numpy as np
 
 from drivers.canbus.frame import ERROR, EXTENDED, FD, REMOTE, CanFrame
 
@@ -18,6 +23,48 @@ BYTES = re.compile(r"(?:[0-9A-Fa-f]{2})*")
 ERROR_FLAG = 0x20000000
 LATEST_S = 4e9  # in the year 2096
 CLASSIC_BYTES, FD_BYTES = 8, 64
+FRAME_BYTES = 150  # of memory for each frame, with all that is made of it
+
+
+class FrameColumns:
+    """Frames in the order of writing: a million of them as values of their own would take 300 MB."""
+
+    def __init__(self) -> None:
+        self.times_s, self.channels = array("d"), array("B")
+        self._ids, self._flags, self._ends, self._data = array("L"), array("B"), array("Q"), bytearray()
+
+    def __len__(self) -> int:
+        return len(self.times_s)
+
+    def add(self, seconds: float, channel: int, frame: CanFrame) -> None:
+        """One more; its stamp is not kept."""
+        self.times_s.append(seconds)
+        self.channels.append(channel)
+        self._ids.append(frame.arbitration_id)
+        self._flags.append(frame.flags)
+        self._data += frame.data
+        self._ends.append(len(self._data))
+
+    def frame(self, row: int, stamp_ns: int) -> CanFrame:
+        """The frame of a row, with this stamp."""
+        begin = self._ends[row - 1] if row else 0
+        return CanFrame(stamp_ns, self._ids[row], bytes(self._data[begin : self._ends[row]]), self._flags[row])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OrderedFrames:
+    """Rows (n,) of columns in an order of their own, with their stamps_ns (n,)."""
+
+    columns: FrameColumns
+    rows: np.ndarray[tuple[int], np.dtype[np.int64]]
+    stamps_ns: np.ndarray[tuple[int], np.dtype[np.int64]]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[CanFrame]:
+        for row, stamp_ns in zip(self.rows, self.stamps_ns, strict=True):
+            yield self.columns.frame(int(row), int(stamp_ns))
 
 
 def candump_line(line: str) -> tuple[float, str, CanFrame]:

@@ -64,7 +64,7 @@ def laser_line(words: list[str]) -> LaserLine:
         return _robot_laser_line(words)
     beams, rest = _beams(words, 1, 7)
     poses = _numbers(rest[:6])
-    return LaserLine(array("d", map(float, words[2 : 2 + beams])), poses[:3], poses[3:])
+    return LaserLine(array("f", map(float, words[2 : 2 + beams])), poses[:3], poses[3:])
 
 
 def _robot_laser_line(words: list[str]) -> LaserLine:
@@ -78,7 +78,7 @@ def _robot_laser_line(words: list[str]) -> LaserLine:
     if remissions < 0 or len(rest) < 1 + remissions + (3 if is_raw else 7):
         raise ValueError("the line ends early")
     poses = [] if is_raw else _numbers(rest[1 + remissions : 7 + remissions])
-    ranges_m = array("d", map(float, words[9 : 9 + beams]))
+    ranges_m = array("f", map(float, words[9 : 9 + beams]))
     return LaserLine(ranges_m, poses[:3], poses[3:], start_rad, step_rad, range_max_m)
 
 

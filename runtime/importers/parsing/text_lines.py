@@ -11,23 +11,34 @@ BLOCK_BYTES = 1 << 16
 PACKED_BYTES_A_LINE = 2  # two lines of a log differ in their times: 3 and more were seen
 FREE_LINES = 100_000  # however well they are packed
 LINE_BYTES = 1 << 20  # a scan of 32768 beams has 300 kB; what is longer is no line of a log
+MOST_LINES = 3_000_000  # of one log; of such that are none, it takes ten seconds
+MOST_KEPT_BYTES = 150_000_000  # of what is kept of them: 200 000 odometry samples, 50 000 scans or a million frames
 
 
 class TextLines:
     """Iterates over (number, line, is_whole) of a file. Every byte is a character (Latin-1), so comments in any
     encoding pass. is_whole: False for a last line without its line feed. damage: known at the end, "" where all of the
-    file could be read. Raises OSError.
+    file could be read; it stops as well where it has too many lines, or where `keep` was told of too much. Raises
+    OSError.
     """
 
     def __init__(self, source: Path) -> None:
         self.source = source
         self.damage = ""
+        self._room = MOST_KEPT_BYTES
+
+    def keep(self, size: int) -> None:
+        """Count the memory that the reader takes for the line it has been given."""
+        self._room -= size
 
     def __iter__(self) -> Iterator[tuple[int, str, bool]]:
         number, pending = 0, b""
         for block in self._blocks():
             *lines, pending = (pending + block).split(b"\n")
             for line in lines:
+                if number == MOST_LINES or self._room < 0:
+                    self.damage = f"what follows line {number} is more than fits into one run; split the log there"
+                    return
                 number += 1
                 yield number, line.decode("latin-1"), True
             if len(pending) > LINE_BYTES:

@@ -12,6 +12,7 @@ from runtime.errors import DataSetError
 from runtime.importers.archive import Archive
 from runtime.importers.carmen import load_carmen
 from runtime.importers.data_set import import_data_set
+from runtime.importers.parsing import text_lines
 from runtime.importers.sightings import seen
 from runtime.importers.truth import truth_of
 from runtime.importers.wheel_streams import wheel_samples
@@ -269,3 +270,17 @@ def test_raw_scans_without_a_pose_go_with_the_odometry_beside_them(tmp_path: Pat
 def test_scans_with_another_number_of_beams_are_named(tmp_path: Path) -> None:
     lines = [*room_log(20), flaser((2.1, 0.0, -2.0, 0.0), [2.0] * 5)]
     assert any(note.startswith("scans have 181 beams, but 1 of 5;") for note in imported(tmp_path, lines)["notes"])
+
+
+def test_a_log_of_more_than_fits_into_memory_is_read_up_to_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """1.5 million odometry lines, 70 MB, took 1.1 GB."""
+    (tmp_path / "a.log").write_text("".join(carmen_line(t, [1.0] * 5, (0, 0, 0), (0, 0, 0)) for t in range(40)))
+    monkeypatch.setattr(text_lines, "MOST_KEPT_BYTES", 10_000)
+    archive = load_carmen(tmp_path / "a.log")
+    assert len(archive.arrays["scan_t"]) == 11
+    assert any("what follows line 11 is more than fits" in sentence for sentence in archive.left_out.warnings)
+    (tmp_path / "b.log").write_text("".join(f"ODOM 0 0 0 0 0 0 {t} h {t}\n" for t in range(40)))
+    with pytest.raises(DataSetError, match=r"holds no usable scan .*what follows line 12 is more than fits"):
+        load_carmen(tmp_path / "b.log")

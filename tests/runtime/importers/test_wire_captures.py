@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers.canbus.frame import CanFrame
 from drivers.measurements import Scan, WheelCounts
 from runtime.errors import DataSetError
 from runtime.importers.data_set import import_data_set
+from runtime.importers.parsing import text_lines
+from runtime.importers.parsing.candump_lines import FRAME_BYTES, FrameColumns
 from runtime.importers.wire_captures import load_candump, load_scip
 from runtime.record.reader import RunReader
 from runtime.replay.replay import replay_run
@@ -147,6 +150,31 @@ def test_a_candump_of_buses_without_end_is_told_in_a_few_words(tmp_path: Path) -
     notes, warnings = archive.left_out.sentences({})
     assert any("more than 16 buses" in each for each in (*notes, *warnings))
     assert max(map(len, (*notes, *warnings))) < 1000
+
+
+def test_frames_beyond_what_fits_into_memory_are_left_out_and_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """1.2 million frames took 472 MB, and ten million all there was."""
+    frames = [f"({1 + 0.01 * n}) can0 123#{n:016X}\n" for n in range(40)]
+    (tmp_path / "x.log").write_text("".join(frames))
+    encoders = load_configuration(CONFIG / "rover.toml").encoders
+    assert encoders is not None
+    monkeypatch.setattr(text_lines, "MOST_KEPT_BYTES", 9 * FRAME_BYTES)
+    archive = load_candump(tmp_path / "x.log", encoders)
+    assert archive.left_out.used["frames"] == 10
+    warning = "what follows line 10 is more than fits into one run; split the log there"
+    assert any(warning in sentence for sentence in archive.left_out.warnings)
+
+
+def test_a_frame_of_a_log_takes_little_memory(tmp_path: Path) -> None:
+    columns = FrameColumns()
+    tracemalloc.start()
+    for n in range(20_000):
+        columns.add(1e-3 * n, 0, CanFrame(0, 0x123, n.to_bytes(8, "big")))
+    assert tracemalloc.get_traced_memory()[0] < 50 * 20_000
+    tracemalloc.stop()
+    assert columns.frame(777, 5) == CanFrame(5, 0x123, (777).to_bytes(8, "big"))
 
 
 def test_a_capture_without_an_end_is_read_in_pieces(tmp_path: Path) -> None:

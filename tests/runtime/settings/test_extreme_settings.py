@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-import annotated_types
 import pytest
 
 from runtime.errors import ConfigurationError
@@ -24,13 +23,9 @@ def numbers() -> Iterator[tuple[str, Limits]]:
         for name, field in table.leaves():
             if field.annotation is not float:
                 continue
-            least = next(getattr(each, "ge", getattr(each, "gt", None)) for each in field.metadata)
-            most = next(
-                getattr(each, "le", getattr(each, "lt", None))
-                for each in field.metadata
-                if isinstance(each, annotated_types.Le | annotated_types.Lt)
-            )
-            yield f"{table.path}.{name}", (float(least), float(most))
+            ends = ("ge", "gt", "le", "lt")
+            bounds = [float(getattr(each, end)) for each in field.metadata for end in ends if hasattr(each, end)]
+            yield f"{table.path}.{name}", (min(bounds), max(bounds))
 
 
 NUMBERS = dict(numbers())

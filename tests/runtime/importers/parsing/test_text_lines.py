@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from runtime.importers.parsing import text_lines
 from runtime.importers.parsing.text_lines import FREE_LINES, TextLines
 
 
@@ -81,3 +82,19 @@ def test_a_log_of_frames_at_an_exact_rate_is_read_to_its_end(tmp_path: Path) -> 
     lines = TextLines(tmp_path / "a.gz")
     assert sum(1 for _ in lines) == 2 * FREE_LINES
     assert not lines.damage
+
+
+def test_a_log_of_more_lines_than_fit_is_read_up_to_the_bound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text_lines, "MOST_LINES", 5)
+    lines, damage = read(tmp_path / "a", b"x\n" * 9)
+    assert [number for number, _, _ in lines] == [1, 2, 3, 4, 5]
+    assert damage == "what follows line 5 is more than fits into one run; split the log there"
+
+
+def test_a_log_whose_lines_fill_the_memory_is_read_up_to_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(text_lines, "MOST_KEPT_BYTES", 100)
+    (tmp_path / "a").write_bytes(b"x\n" * 9)
+    lines = TextLines(tmp_path / "a")
+    for _ in lines:
+        lines.keep(40)
+    assert lines.damage == "what follows line 3 is more than fits into one run; split the log there"
