@@ -10,15 +10,16 @@ import numpy as np
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from drivers.measurements import FloatArray
+from drivers.measurements import FloatArray, RangeArray
 from runtime.errors import DataSetError
 from runtime.importers.archive import Archive
-from runtime.importers.bags.message import BROKEN, Bag, BagMessage
+from runtime.importers.bags.message import BROKEN, LONGEST_NAME, Bag, BagMessage
 from runtime.importers.bags.open_bag import open_bag
 from runtime.importers.parsing.beams import MOST_BEAMS, padded_ranges
 from runtime.importers.parsing.checks import checked
 from runtime.importers.parsing.left_out import LeftOut
 from runtime.importers.parsing.transforms import between, matrix
+from runtime.printable import printable
 
 SCAN_TYPE, ODOMETRY_TYPE = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 TRANSFORM_TYPES = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
@@ -29,6 +30,9 @@ FAR_M = 100.0  # range of a laser whose messages do not say
 SWEEP_SHARE = 1.1  # of the time between two scans: longer sweeps are a driver's made-up time_increment
 MOST_FRAMES = 1000  # pairs of frames that are kept
 MOST_LISTED = 40  # topics in a message
+LARGEST_MESSAGE = 1 << 20  # bytes: a scan of 32768 beams has 256 kB, the transforms of a humanoid 10 kB
+KEPT_BYTES, KEPT_TIMES = 150_000_000, 4  # of memory for what is kept of a bag: so much, or so many times its size
+SCAN_BYTES, BEAM_BYTES, POSE_BYTES = 1500, 12, 1000  # of memory for each, with all that is made of them
 LEVEL = 0.97  # cosine of 14 deg: a laser that is tilted more sees the floor
 
 
@@ -39,11 +43,25 @@ class Topics(NamedTuple):
     odometry: str | None = None
 
 
+class _Scan(NamedTuple):
+    """What is used of a LaserScan."""
+
+    frame: str
+    ranges: RangeArray
+    angle_min: float
+    angle_max: float
+    angle_increment: float
+    time_increment: float
+    range_min: float
+    range_max: float
+
+
 @dataclass(slots=True)
 class _Gathered:
-    """What the messages held, in the order of recording. scans: their stamps; others by the same order."""
+    """What the messages held, in the order of recording. scans: with their stamps. room_bytes: of memory, for more."""
 
-    scans: list[tuple[float, Any]] = field(default_factory=list)
+    room_bytes: int
+    scans: list[tuple[float, _Scan]] = field(default_factory=list)
     odometry: list[tuple[float, float, float, float]] = field(default_factory=list)
     transforms: dict[tuple[str, str], FloatArray] = field(default_factory=dict)
     bases: list[tuple[float, float, float, float]] = field(default_factory=list)
@@ -59,11 +77,13 @@ def load_rosbag(source: Path, head: bytes, topics: Topics) -> Archive:
         raise DataSetError(
             f"{source} has no topic of type {SCAN_TYPE}; its topics: {_listed(bag)}; nothing was written"
         )
-    found = _gather(bag, scan_topic, odometry_topic, left_out)
+    found = _gather(source, bag, scan_topic, odometry_topic, left_out)
     if bag.damage:
         left_out.warnings.append(f"{source.name} is read as far as possible: {bag.damage}")
     if not found.scans:
-        raise DataSetError(f"{source}: {scan_topic} holds no readable message; nothing was written")
+        why = "; ".join(filter(None, (left_out.first(), *left_out.warnings)))
+        told = f" ({why})" if why else ""
+        raise DataSetError(f"{source}: {scan_topic} holds no readable message{told}; nothing was written")
     if odometry_topic is None and found.bases:
         left_out.notes.append(f"there is no topic of type {ODOMETRY_TYPE}; the motion in /tf is used as odometry")
         found.odometry = found.bases
@@ -122,13 +142,22 @@ def _decoded(message: BagMessage, type_name: str) -> Any:
     return (store.deserialize_ros1 if message.is_ros1 else store.deserialize_cdr)(message.data, type_name)
 
 
-def _gather(bag: Bag, scan_topic: str, odometry_topic: str | None, left_out: LeftOut) -> _Gathered:
-    """All messages of the chosen topics and of the transforms."""
-    found = _Gathered()
+def _gather(source: Path, bag: Bag, scan_topic: str, odometry_topic: str | None, left_out: LeftOut) -> _Gathered:
+    """All messages of the chosen topics and of the transforms, as far as they fit into memory."""
+    found = _Gathered(max(KEPT_BYTES, KEPT_TIMES * bag.size_bytes))
     transform_topics = {topic for topic, kind in bag.topics.items() if kind in TRANSFORM_TYPES}
     wanted = {scan_topic, odometry_topic or scan_topic} | transform_topics
     for message in bag.messages(wanted):
+        if found.room_bytes < 0:
+            until_s = 1e-9 * message.log_ns
+            left_out.warnings.append(
+                f"{source.name} holds more than fits into memory and is read up to {until_s:.3f} s; split it"
+            )
+            break
         what = {scan_topic: "scans", odometry_topic: "odometry samples"}.get(message.topic, "transforms")
+        if len(message.data) > LARGEST_MESSAGE:
+            left_out.add(what, f"the message has more than {LARGEST_MESSAGE} bytes", message.topic)
+            continue
         try:
             told = _decoded(message, bag.topics[message.topic])
         except (SerdeError, *BROKEN) as error:
@@ -137,10 +166,12 @@ def _gather(bag: Bag, scan_topic: str, odometry_topic: str | None, left_out: Lef
         if message.topic == scan_topic and len(told.ranges) > MOST_BEAMS:
             left_out.add(what, f"more than {MOST_BEAMS} beams", message.topic)
         elif message.topic == scan_topic:
-            found.scans.append((_stamp_s(told.header, message), told))
+            found.scans.append((_stamp_s(told.header, message), _scan_of(told)))
+            found.room_bytes -= SCAN_BYTES + BEAM_BYTES * len(told.ranges)
         elif message.topic == odometry_topic:
             found.odometry.append((_stamp_s(told.header, message), *_planar(told.pose.pose)))
             found.base_frame = found.base_frame or _frame(told.child_frame_id)
+            found.room_bytes -= POSE_BYTES
         else:
             _note_transforms(told.transforms, message, found)
     return found
@@ -156,13 +187,20 @@ def _note_transforms(transforms: list[Any], message: BagMessage, found: _Gathere
             heading_rad = math.atan2(whole[1, 0], whole[0, 0])
             found.bases.append((_stamp_s(each.header, message), offset.x, offset.y, heading_rad))
             found.base_frame = found.base_frame or child
+            found.room_bytes -= POSE_BYTES
         else:
             if len(found.transforms) < MOST_FRAMES:
                 found.transforms.setdefault((parent, child), whole)
 
 
+def _scan_of(told: Any) -> _Scan:
+    """A copy: the message holds intensities and all of its bytes as well."""
+    numbers = (told.angle_min, told.angle_max, told.angle_increment, told.time_increment, told.range_min)
+    return _Scan(_frame(told.header.frame_id), np.array(told.ranges, np.float32), *numbers, told.range_max)
+
+
 def _frame(name: str) -> str:
-    return name.lstrip("/")
+    return printable(name[: LONGEST_NAME + 1].lstrip("/"), LONGEST_NAME)
 
 
 def _stamp_s(header: Any, message: BagMessage) -> float:
@@ -199,14 +237,14 @@ def _scans(found: _Gathered) -> tuple[dict[str, Any], dict[str, Any]]:
     }
 
 
-def _increment_rad(told: Any) -> float:
+def _increment_rad(told: _Scan) -> float:
     beams = len(told.ranges)
     if told.angle_increment == 0.0 and beams > 1:
         return float((told.angle_max - told.angle_min) / (beams - 1))
     return float(told.angle_increment)
 
 
-def _time_increment_s(scans: list[Any], stamps_s: FloatArray, counts: Any) -> float:
+def _time_increment_s(scans: list[_Scan], stamps_s: FloatArray, counts: Any) -> float:
     """s from one beam to the next; 0 where that would be longer than the scans are apart."""
     told_s = float(np.median([told.time_increment for told in scans]))
     apart_s = np.diff(stamps_s)
@@ -216,7 +254,7 @@ def _time_increment_s(scans: list[Any], stamps_s: FloatArray, counts: Any) -> fl
 
 def _mount(found: _Gathered, meta: dict[str, Any], left_out: LeftOut) -> None:
     """Where the laser sits on the base, from the transforms."""
-    frame = _frame(found.scans[0][1].header.frame_id)
+    frame = found.scans[0][1].frame
     base_from_laser = between(found.transforms, found.base_frame, frame) if found.base_frame else None
     if base_from_laser is None:
         if frame != found.base_frame:

@@ -18,6 +18,7 @@ COUNTS_PER_REV = 14_000  # sjursflat: the wheel angles in the file are multiples
 COMMAND_LAG_NS = 200_000_000  # mrclam logs commanded speeds: all three robots turn 0.2 s later (motion capture)
 SMALLEST_WHEEL_M = 0.001
 REST_EVERY_NS = 100_000_000  # often enough that no wait between two scans counts as silence of the wheels
+LONGEST_REST_NS = 43_200 * 1_000_000_000  # half a day, 430 000 samples
 TURN_M_PER_RAD = 0.3  # sharing out a residual: a radian of turning weighs as much as 0.3 m of driving
 
 
@@ -68,7 +69,15 @@ def wheel_samples(archive: Archive, vehicle: VehicleSettings | None = None) -> l
 
 
 def samples_at_rest(stamps_ns: list[int], motion_model: str) -> list[WheelSample]:
-    """What the wheels of a vehicle would have said that stood still from the first stamp to the last."""
+    """What the wheels of a vehicle would have said that stood still from the first stamp to the last. Raises
+    DataSetError where that is for ever.
+    """
+    span_ns = stamps_ns[-1] - stamps_ns[0]
+    if span_ns > LONGEST_REST_NS:
+        raise DataSetError(
+            f"its scans span {1e-9 * span_ns:.0f} s, expected at most {1e-9 * LONGEST_REST_NS:.0f} s of a sensor at "
+            "rest (--at-rest); cut the recording"
+        )
     held: dict[str, Callable[[int], WheelSample]] = {
         "differential": lambda stamp_ns: WheelCounts(stamp_ns, 0.0, 0.0),
         "steered": lambda stamp_ns: SpeedSteering(stamp_ns, 0.0, 0.0),

@@ -30,7 +30,9 @@ def mcap_records(stream: IO[bytes], inflation: Inflation) -> Iterator[tuple[int,
         raise ValueError("it does not begin like an MCAP file")
     for kind, body in _records(stream):
         if kind == CHUNK:
-            yield from _records(BytesIO(_unpacked(body, inflation)))
+            for record in _records(BytesIO(_unpacked(body, inflation))):
+                inflation.take_record()
+                yield record
         else:
             yield kind, body
 

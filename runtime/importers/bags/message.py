@@ -29,10 +29,13 @@ class BagMessage(NamedTuple):
 
 
 class Bag(Protocol):
-    """topics: name to type, such as sensor_msgs/msg/LaserScan. damage: why reading ended early, known at the end."""
+    """topics: name to type, such as sensor_msgs/msg/LaserScan. damage: why reading ended early, known at the end.
+    size_bytes: of its files.
+    """
 
     topics: dict[str, str]
     damage: str
+    size_bytes: int
 
     def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
         """All messages of these topics in the order of recording."""

@@ -25,6 +25,7 @@ class Bag1:
         self.topics: dict[str, str] = {}
         self.damage = ""
         self._source = source
+        self.size_bytes = source.stat().st_size
         self._names: dict[bytes, str] = {}
         for _ in self.messages(()):
             pass
@@ -43,6 +44,7 @@ class Bag1:
                         continue
                     content = BytesIO(self._unpacked(fields, data, inflation))
                     for inner, inner_data in self._records(content):
+                        inflation.take_record()
                         yield from self._message(inner, inner_data, topics)
         except BROKEN as error:
             self.damage = f"it is damaged ({error or type(error).__name__})"

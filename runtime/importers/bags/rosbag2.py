@@ -28,6 +28,7 @@ class Bag2:
         self.damage = ""
         self.topics: dict[str, str] = {}
         self._files = files
+        self.size_bytes = sum(path.stat().st_size for path in files)
         for _ in self.messages(()):
             pass
 

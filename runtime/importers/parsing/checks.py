@@ -65,6 +65,7 @@ WITHIN = {
     "range_min": (0.0, 1e6),
     "time_increment": (0.0, 1.0),  # s
 }
+FARTHEST_S = 30.0 * 86_400.0  # from the middle of all stamps: no recording is so long
 LATEST_S = 4e9  # seconds since 1970 in the year 2096: what is later was not written in seconds
 REQUIRED = {"scan_t": ("ranges",), "obs_t": ("obs_range", "obs_bearing")}
 
@@ -153,6 +154,9 @@ def _usable(path: Path, what: str, first: str, group: Arrays, left_out: LeftOut)
         if not timely.any() and rows.size:
             raise DataSetError(f"{path}: {first}[0] = {times_s[0]:g}, expected seconds; nothing was written")
         _leave_out(rows, timely, what, f"{first} is not a time in seconds", first, left_out)
+        if rows.any():
+            near = np.abs(times_s - np.median(times_s[rows])) < FARTHEST_S
+            _leave_out(rows, near, what, f"{first} is a month or more from the others", first, left_out)
     for name, array in group.items():
         if name not in MAY_BE_NAN and not name.endswith("_t"):
             fits = np.abs(array) < LARGEST  # false for NaN
