@@ -1,13 +1,17 @@
 """A conversation over an open link: one command at a time, its reply found among whatever else arrives."""
 
+import time
 from collections.abc import Callable
 
 from drivers.laser.link import ByteLink
 from drivers.measurements import LinkError, RawTap
-from drivers.scip.codec import LF, Message, ScipError, parse_message
+from drivers.scip.codec import END, LF, Message, ScipError, parse_message
 from drivers.scip.framing import MessageStream, RawMessage
 
 QUIET_S = 0.14  # no pause inside a message is so long
+NS_A_BYTE = 250  # 4 MB a second are read, twice what 40 multi-echo scans have
+MESSAGE_BYTES = 400  # that a message costs besides: pairs of line feeds alone would come by the million
+BURST_NS, LONGEST_PAUSE_NS, LONGEST_DEBT_NS = 100_000_000, 200_000_000, 1_000_000_000
 
 
 class ScipClient:
@@ -19,8 +23,12 @@ class ScipClient:
         tap: RawTap | None,
         now_ns: Callable[[], int],
         is_closing: Callable[[], bool],
+        pause: Callable[[float], object] = time.sleep,
     ) -> None:
+        """pause: waits so many seconds, and a link that floods waits too: it would take a core, and the disk."""
         self._link = link
+        self._pause = pause
+        self._due_ns = 0
         self._tap = tap
         self._now_ns = now_ns
         self._is_closing = is_closing
@@ -47,7 +55,16 @@ class ScipClient:
             self._tap.laser_bytes(stamp_ns, False, data)
         self.received_bytes += len(data)
         self.last_bytes = data
-        return self._stream.feed(stamp_ns, data)
+        messages = self._stream.feed(stamp_ns, data)
+        self._pace(stamp_ns, len(data) + MESSAGE_BYTES * data.count(END))
+        return messages
+
+    def _pace(self, stamp_ns: int, size: int) -> None:
+        """Wait until so much would have come at the fastest pace, as far as a burst is not free."""
+        self._due_ns = min(max(self._due_ns, stamp_ns - BURST_NS) + NS_A_BYTE * size, stamp_ns + LONGEST_DEBT_NS)
+        early_ns = self._due_ns - self._now_ns()
+        if early_ns > 0:
+            self._pause(min(early_ns, LONGEST_PAUSE_NS) * 1e-9)
 
     def drain(self, at_most_s: float) -> None:
         """Throw away what comes until it is quiet, or for so long. Raises LinkError."""

@@ -83,3 +83,25 @@ def test_every_byte_of_both_directions_goes_to_the_tap_with_its_time() -> None:
 def test_a_closing_driver_asks_nothing_more() -> None:
     with pytest.raises(LinkError, match="closing"):
         talk_over(Script([b"QT\n00P\n\n"]), is_closing=True).ask(b"QT", 1.0)
+
+
+@pytest.mark.parametrize(("piece", "least", "most"), [(b"x", 3_500_000, 5_000_000), (b"\n", 20_000, 400_000)])
+def test_a_link_that_floods_has_to_wait(piece: bytes, least: int, most: int) -> None:
+    """It took most of a core for as long as it went on, and all of it went into the record."""
+    script = Script([piece * 65536] * 400)
+
+    def pause(seconds: float) -> None:
+        script.now_ns += round(seconds * 1e9)
+
+    client = ScipClient(script, None, lambda: script.now_ns, lambda: False, pause)
+    while script.now_ns < 1_000_000_000:
+        client.receive(0.1)
+    assert least < client.received_bytes < most
+
+
+def test_the_fastest_laser_never_waits() -> None:
+    script = Script([b"x" * 45_000] * 40)  # multi-echo with intensities, each scan in one piece
+    client = ScipClient(script, None, lambda: script.now_ns, lambda: False, lambda _: pytest.fail("it waited"))
+    for _ in range(40):
+        script.now_ns += 24 * MS_NS
+        client.receive(0.1)
