@@ -1,5 +1,6 @@
 """The laser's own account of a drive: its motion from one keyframe to the next."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -21,7 +22,7 @@ STILL = 0.01  # m, rad, m/s, rad/s: less is no motion
 SPEED_WINDOW_S = 0.2
 FEWEST_PAIRS = 4
 MOST_OUTLIERS = 0.5
-MOST_STEPS = 100_000
+EVERY_PAIR = 100_000
 # mean velocity over so long to either side undoes the motion within a sweep: a shorter window lets slip into the
 # laser's account as well, where it passes for latency
 VELOCITY_WINDOW_S = 0.15
@@ -41,7 +42,7 @@ class LaserMotion:
     failed: int
 
 
-def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray, most: int = MOST_STEPS) -> LaserMotion:
+def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray, most: int = EVERY_PAIR) -> LaserMotion:
     """Choose keyframes by the wheels, undo the motion within each sweep, and match each with the one before.
 
     most: pairs of keyframes, taken evenly from the drive.
@@ -53,39 +54,33 @@ def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray, mo
     true_s = stamps - latency
     known = (true_s > series.times_s[0]) & (true_s < series.times_s[-1])
     seen: dict[int, Shapes] = {}
-
-    def shapes_of(number: int) -> Shapes:
-        if number not in seen:
-            scan = drive.scans[number]
-            middle_s = true_s[number] + (0.5 * len(scan.ranges_m) - scan.stamp_beam) * scan.beam_period_s
-            seen[number] = shapes(scan, laser_twist(wheels, float(middle_s), mount))
-        return seen[number]
-
-    steps: list[tuple[int, int, Match]] = []
+    steps: dict[tuple[int, int], Match] = {}
     failed = 0
     # the same keyframes in every pass: a step more or less would move the result by a part of its interval
     start = model.start
     chosen = keyframes(model.dead_reckoning(series, start), stamps - start[-1], known)
     pairs = list(pairwise(chosen))
-    pairs = pairs[:: max(1, len(pairs) // most)][::-1]
-    while pairs:
-        there, here = pairs.pop()
-        if _silence(series, true_s[there], true_s[here]):
-            continue
-        result = match(shapes_of(there), shapes_of(here), _guess(wheels, true_s[[there, here]], mount))
-        if result.pairs >= FEWEST_PAIRS and result.outlier_share <= MOST_OUTLIERS:
-            steps.append((there, here, result))
-        elif here - there > 1 and len(pairs) + len(steps) < MOST_STEPS:
-            # too far apart to see the same: two shorter steps
-            middle = (there + here) // 2
-            pairs += [(middle, here), (there, middle)]
-        else:
-            failed += 1
+    pairs = pairs[:: max(1, len(pairs) // most)]
+    while pairs := [pair for pair in pairs if not _silence(series, *true_s[list(pair)])]:
+        _add_shapes(seen, sorted({number for pair in pairs for number in pair}), drive, wheels, true_s, mount)
+        befores, afters = ([seen[pair[end]] for pair in pairs] for end in (0, 1))
+        results = match(befores, afters, _guesses(wheels, true_s[np.array(pairs)], mount))
+        apart: list[tuple[int, int]] = []
+        for (there, here), result in zip(pairs, results, strict=True):
+            if result.pairs >= FEWEST_PAIRS and result.outlier_share <= MOST_OUTLIERS:
+                steps[there, here] = result
+            elif here - there > 1:  # too far apart to see the same: two shorter steps
+                middle = (there + here) // 2
+                apart += [(there, middle), (middle, here)]
+            else:
+                failed += 1
+        pairs = apart
+    numbers, found = sorted(steps), [steps[pair] for pair in sorted(steps)]
     return LaserMotion(
         series,
-        stamps[np.array([(there, here) for there, here, _ in steps], dtype=np.int64).reshape(-1, 2)],
-        np.array([result.mean for _, _, result in steps]).reshape(-1, 3),
-        np.array([_floored(result) for _, _, result in steps]).reshape(-1, 3, 3),
+        stamps[np.array(numbers, dtype=np.int64).reshape(-1, 2)],
+        np.array([result.mean for result in found]).reshape(-1, 3),
+        np.array([_floored(result) for result in found]).reshape(-1, 3, 3),
         failed,
     )
 
@@ -121,19 +116,34 @@ def _gone_through(wheels: DeadReckoning, values: FloatArray, times_s: FloatArray
     return np.interp(times_s, wheels.times_s, np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(values))))))
 
 
-def laser_twist(wheels: DeadReckoning, time_s: float, mount: FloatArray) -> FloatArray:
-    """Velocity (3,) of the laser in its own frame: m/s ahead and left, rad/s."""
-    speed, yaw_rate = wheels.velocity(np.array([time_s]), VELOCITY_WINDOW_S)[0]
+def _add_shapes(
+    seen: dict[int, Shapes],
+    numbers: Sequence[int],
+    drive: DriveData,
+    wheels: DeadReckoning,
+    true_s: FloatArray,
+    mount: FloatArray,
+) -> None:
+    """Find the shapes in those of the scans whose are not known yet."""
+    new = [number for number in numbers if number not in seen]
+    scans = [drive.scans[number] for number in new]
+    half_s = [(0.5 * len(scan.ranges_m) - scan.stamp_beam) * scan.beam_period_s for scan in scans]
+    twists = laser_twists(wheels, true_s[new] + half_s, mount)
+    seen |= {number: shapes(scan, twist) for number, scan, twist in zip(new, scans, twists, strict=True)}
+
+
+def laser_twists(wheels: DeadReckoning, times_s: FloatArray, mount: FloatArray) -> FloatArray:
+    """Velocity (n, 3) of the laser in its own frame: m/s ahead and left, rad/s."""
+    speeds, yaw_rates = wheels.velocity(times_s, VELOCITY_WINDOW_S).T
     x, y, heading = mount
-    ahead, left = rotated(np.array((speed - yaw_rate * y, yaw_rate * x)), -heading)
-    return np.array((ahead, left, yaw_rate))
+    sideways = rotated(np.stack((speeds - yaw_rates * y, yaw_rates * x), axis=-1), -heading)
+    return np.column_stack((sideways, yaw_rates))
 
 
-def _guess(wheels: DeadReckoning, times_s: FloatArray, mount: FloatArray) -> FloatArray:
-    poses = wheels.at(times_s)
-    body = composed(inverted(poses[:1]), poses[1:])
-    guess: FloatArray = seen_by_laser(body, mount)[0]
-    return guess
+def _guesses(wheels: DeadReckoning, times_s: FloatArray, mount: FloatArray) -> FloatArray:
+    """Motion (n, 3) of the laser between times_s (n, 2), as the wheels say."""
+    poses = wheels.at(times_s.ravel()).reshape(-1, 2, 3)
+    return seen_by_laser(composed(inverted(poses[:, 0]), poses[:, 1]), mount)
 
 
 def _silence(series: WheelSeries, begin_s: float, end_s: float) -> bool:

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from drivers.measurements import FloatArray
 from runtime.calibrate.drive_data import DriveData
-from runtime.calibrate.scans.laser_motion import keyframes, laser_twist
+from runtime.calibrate.scans.laser_motion import keyframes, laser_twists
 from runtime.calibrate.scans.shapes import scan_points
 from runtime.calibrate.wheel_model import WheelModel
 from slam.pose import composed, inverted
@@ -30,7 +30,8 @@ def misfit_m(drive: DriveData, model: WheelModel, parameters: FloatArray, spans:
     chosen = keyframes(believed, stamps, (stamps > series.times_s[0] + 0.5) & (stamps < series.times_s[-1] - 0.5))
     mount = parameters[-4:-1]
     poses = composed(wheels.at(times[chosen]), np.broadcast_to(mount, (len(chosen), 3)))
-    clouds = [_cloud(drive, number, laser_twist(wheels, float(times[number]), mount)) for number in chosen]
+    twists = laser_twists(wheels, times[chosen], mount)
+    clouds = [_cloud(drive, number, twist) for number, twist in zip(chosen, twists, strict=True)]
     trees = [cKDTree(cloud) if len(cloud) else None for cloud in clouds]
     means = []
     for span in spans:
