@@ -1,6 +1,5 @@
 """What a calibration works on: one drive's scans and wheel samples, and the geometry believed so far."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -88,30 +87,25 @@ class DriveData:
 
     def wheel_series(self) -> WheelSeries:
         """The wheel samples as arrays; samples out of order or not finite are left out."""
-        rows: list[tuple[float, ...]] = []
-        broken: list[bool] = []
-        lost = False
+        values = np.array([_values(sample) for sample in self.wheels])
+        valid = np.array([not isinstance(sample, WheelCounts) or sample.valid for sample in self.wheels])
+        times_s = (np.array([sample.stamp_ns for sample in self.wheels]) - self.origin_ns) * 1e-9
+        usable = valid & np.isfinite(values).all(axis=1)
+        newest_s = np.maximum.accumulate(np.where(usable, times_s, -np.inf))
+        kept = np.flatnonzero(usable & (times_s > np.concatenate(((-np.inf,), newest_s[:-1]))))
         poses = isinstance(self.wheels[0], OdometryPose)
-        gap_s = POSE_GAP_S if poses else GAP_S
-        for sample in self.wheels:
-            time_s = (sample.stamp_ns - self.origin_ns) * 1e-9
-            if isinstance(sample, WheelCounts):
-                values: tuple[float, ...] = (sample.left, sample.right)
-                if not sample.valid:
-                    lost = True
-                    continue
-            elif isinstance(sample, SpeedSteering):
-                values = (sample.speed_mps, sample.steering_rad)
-            else:
-                values = (sample.x_m, sample.y_m, sample.heading_rad)
-            if not all(map(math.isfinite, values)) or (rows and time_s <= rows[-1][0]):
-                continue
-            broken.append(lost or (bool(rows) and time_s - rows[-1][0] > gap_s))
-            rows.append((time_s, *values))
-            lost = False
-        table = np.array(rows).reshape(-1, 4 if poses else 3)
-        told = along_arcs(table[:, 1:]) if poses and len(table) else table[:, 1:3]
-        return WheelSeries(table[:, 0], told, np.array(broken, dtype=np.bool_))
+        silent = np.diff(times_s[kept], prepend=times_s[kept[:1]]) > (POSE_GAP_S if poses else GAP_S)
+        lost = np.diff(np.cumsum(~valid)[kept], prepend=0) > 0
+        told = along_arcs(values[kept]) if poses and len(kept) else values[kept]
+        return WheelSeries(times_s[kept], told, silent | lost)
+
+
+def _values(sample: WheelCounts | SpeedSteering | OdometryPose) -> tuple[float, ...]:
+    if isinstance(sample, WheelCounts):
+        return sample.left, sample.right
+    if isinstance(sample, SpeedSteering):
+        return sample.speed_mps, sample.steering_rad
+    return sample.x_m, sample.y_m, sample.heading_rad
 
 
 def along_arcs(poses: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray
+from runtime.calibrate.dead_reckoning import DeadReckoning
 from runtime.calibrate.scans.laser_motion import LaserMotion
 from runtime.calibrate.step_errors import (
     NOISE_START,
@@ -26,7 +27,7 @@ from runtime.calibrate.step_errors import (
     step_errors,
     whitening,
 )
-from runtime.calibrate.wheel_model import WheelModel
+from runtime.calibrate.wheel_model import MOUNT_NAMES, WheelModel
 
 LATENCY_BOUND_S = 0.5  # beyond it is no latency but a fault of the clocks
 LATENCY_STEP_S = 0.1  # the derivative along the latency is the mean speed of so long to either side
@@ -79,12 +80,19 @@ class _Steps:
         """(n, 3, p) by central differences."""
         sizes = 1e-4 * self.model.prior
         sizes[-1] = LATENCY_STEP_S
-        columns = [self._slipless_steps(values + move) - self._slipless_steps(values - move) for move in np.diag(sizes)]
+        # what mount and latency change does not change the wheels' own account
+        known = [self.model.dead_reckoning(motion.series, values) for motion in self.slipless]
+        of_wheels = len(values) - len(MOUNT_NAMES)
+        columns = []
+        for parameter, move in enumerate(np.diag(sizes)):
+            wheels = known if parameter >= of_wheels else [None] * len(known)
+            columns.append(self._slipless_steps(values + move, wheels) - self._slipless_steps(values - move, wheels))
         jacobian: FloatArray = np.stack(columns, axis=-1) / (2.0 * sizes)
         return jacobian
 
-    def _slipless_steps(self, values: FloatArray) -> FloatArray:
-        return np.concatenate([laser_steps(motion, self.model, values) for motion in self.slipless])
+    def _slipless_steps(self, values: FloatArray, wheels: Sequence[DeadReckoning | None]) -> FloatArray:
+        parts = zip(self.slipless, wheels, strict=True)
+        return np.concatenate([laser_steps(motion, self.model, values, known) for motion, known in parts])
 
     def without_slip(self, values: FloatArray, errors: StepErrors, noise: FloatArray, kept: BoolArray) -> "_Steps":
         """Once more, with the errors that are likely now."""

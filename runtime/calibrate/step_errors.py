@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
 from drivers.measurements import BoolArray, FloatArray
-from runtime.calibrate.dead_reckoning import chord, seen_by_laser
+from runtime.calibrate.dead_reckoning import DeadReckoning, chord, seen_by_laser
 from runtime.calibrate.scans.laser_motion import LaserMotion
 from runtime.calibrate.wheel_model import WheelModel
 from slam.pose import composed, inverted
@@ -52,16 +52,20 @@ class StepErrors:
         return errors
 
 
-def body_steps(motion: LaserMotion, model: WheelModel, parameters: FloatArray) -> FloatArray:
-    """Motion (n, 3) of the body in every step as the wheels tell it."""
-    wheels = model.dead_reckoning(motion.series, parameters)
+def body_steps(
+    motion: LaserMotion, model: WheelModel, parameters: FloatArray, wheels: DeadReckoning | None = None
+) -> FloatArray:
+    """Motion (n, 3) of the body in every step as the wheels tell it. wheels: the model's own, where they are known."""
+    wheels = wheels or model.dead_reckoning(motion.series, parameters)
     poses = wheels.at(motion.times_s.ravel() - parameters[-1]).reshape(-1, 2, 3)
     return composed(inverted(poses[:, 0]), poses[:, 1])
 
 
-def laser_steps(motion: LaserMotion, model: WheelModel, parameters: FloatArray) -> FloatArray:
+def laser_steps(
+    motion: LaserMotion, model: WheelModel, parameters: FloatArray, wheels: DeadReckoning | None = None
+) -> FloatArray:
     """The same for the laser."""
-    return seen_by_laser(body_steps(motion, model, parameters), parameters[-4:-1])
+    return seen_by_laser(body_steps(motion, model, parameters, wheels), parameters[-4:-1])
 
 
 def step_errors(motions: Sequence[LaserMotion], model: WheelModel, parameters: FloatArray) -> StepErrors:

@@ -16,6 +16,7 @@ from slam.pose import Pose2
 
 Row = tuple[float, float, float, float]
 SEARCHING = ("maps_known", "recognised_is_new")  # counts of an estimate that tell when its place was found
+HOLDING_POSES = frozenset(("/tick", "/estimate", "/truth", "/defect"))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +55,7 @@ def read_trajectories(reader: RunReader) -> Trajectories:
     simulated: list[Row] = []
     defects: list[str] = []
     counts: list[list[float]] = []
-    for record in reader.records():
+    for record in reader.records(HOLDING_POSES):
         if record.topic == "/estimate":
             poses, figures = decoded(record, decode_poses, reader.place)
             for column, pose in zip(columns, poses, strict=True):

@@ -1,9 +1,11 @@
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
+import pytest
 
-from runtime.calibrate.solve import solve
-from runtime.calibrate.wheel_model import DifferentialModel
+from runtime.calibrate.solve import _Steps, solve
+from runtime.calibrate.wheel_model import MOUNT_NAMES, DifferentialModel
 from tests.support.runtime.made_drives import START, Rover, made_motion, random_rover, weaving
 
 MODEL = DifferentialModel(START)
@@ -54,3 +56,13 @@ def test_a_latency_of_seconds_is_not_found_but_held_at_the_bound() -> None:
     rng = np.random.default_rng(10)
     solution = solve([made_motion(weaving(60.0), Rover(latency_s=3.0), rng)], MODEL)
     assert abs(solution.parameters[-1]) <= 0.5
+
+
+def test_a_derivative_by_mount_or_latency_does_not_ask_for_the_wheels_account_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    motion = made_motion(weaving(60.0), Rover(), np.random.default_rng(11))
+    counted = Mock(side_effect=DifferentialModel.dead_reckoning, autospec=True)
+    monkeypatch.setattr(DifferentialModel, "dead_reckoning", lambda *given: counted(*given))
+    _Steps([motion], [motion], MODEL).jacobian(MODEL.start)
+    assert counted.call_count == 1 + 2 * (len(MODEL.names) - len(MOUNT_NAMES))
