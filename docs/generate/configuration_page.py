@@ -135,7 +135,7 @@ def _words(annotation: Any) -> str:
     """A type as a person who writes TOML would call it."""
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Literal:
-        return " or ".join(f"`{value}`" for value in inner)
+        return " or ".join(f"`{str(value).lower() if isinstance(value, bool) else value}`" for value in inner)
     if origin is typing.Annotated:
         return _words(inner[0])
     if origin in (typing.Union, UnionType):

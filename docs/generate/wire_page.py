@@ -114,7 +114,7 @@ def _meaning(command: Command) -> str:
 
 
 def _ros2() -> str:
-    topics = {ros2_topic("<rover>", name): type_name for name, type_name in ROS2_TYPES.items()}
+    topics = {ros2_topic("<rover>", name): type_name for name, type_name in ROS2_TYPES.items()} | {"/tf_static": TF}
     rows = "".join(
         f"| `{topic}` | `{name}` | `{ros2_keys.data_key(0, topic, name)}` |\n" for topic, name in topics.items()
     )
@@ -123,7 +123,8 @@ def _ros2() -> str:
 
 With `publish.ros2 = true` the rover says the following as the node `/<rover>/infant`, with the liveliness tokens by
 which `ros2 topic list` finds it. The domain (here 0) is `publish.ros2_domain`. A character that names of ROS cannot
-have is replaced by `_`.
+have is replaced by `_`. With `publish.ros2 = "humble"` keys and tokens end in `TypeHashNotSupported` instead of the
+hash. `/tf_static` is latched. The gid in the attachment is the XXH3 hash (128 bits) of the publisher's token.
 
 | topic | type | key |
 |---|---|---|

@@ -3,14 +3,15 @@
 Source: ros2/rmw_zenoh, docs/design.md and rmw_zenoh_cpp/src/detail/liveliness_utils.cpp (rolling).
 """
 
-import hashlib
 import re
 import struct
 
 from runtime.messages.definitions import type_store
 
 QOS_DEFAULT = "::,10:,:,:,,"  # reliable, volatile, keep the last 10, no deadline, lifespan or lease: all as default
+QOS_LATCHED = ":1:,1:,:,:,,"  # transient local, keep the last
 NODE = "infant"
+HUMBLE_HASH = "TypeHashNotSupported"
 
 
 def ros_name(rover: str) -> str:
@@ -31,9 +32,14 @@ def type_hash(type_name: str) -> str:
     return text if text.startswith("RIHS01_") else f"RIHS01_{text}"
 
 
-def data_key(domain: int, topic: str, type_name: str) -> str:
+def wire_type(type_name: str, humble: bool = False) -> str:
+    """Type and its hash, in keys and tokens; Humble, which knows no hash, has a constant there."""
+    return f"{dds_type(type_name)}/{HUMBLE_HASH if humble else type_hash(type_name)}"
+
+
+def data_key(domain: int, topic: str, type_name: str, humble: bool = False) -> str:
     """Key of the messages of a topic such as /infant/pose."""
-    return f"{domain}/{topic.lstrip('/')}/{dds_type(type_name)}/{type_hash(type_name)}"
+    return f"{domain}/{topic.lstrip('/')}/{wire_type(type_name, humble)}"
 
 
 def node_token(domain: int, zid: str, namespace: str) -> str:
@@ -41,18 +47,19 @@ def node_token(domain: int, zid: str, namespace: str) -> str:
     return f"@ros2_lv/{domain}/{zid}/0/0/NN/%/%{namespace}/{NODE}"
 
 
-def publisher_token(domain: int, zid: str, namespace: str, entity: int, topic: str, type_name: str) -> str:
+def publisher_token(
+    domain: int,
+    zid: str,
+    namespace: str,
+    entity: int,
+    topic: str,
+    type_name: str,
+    humble: bool = False,
+    qos: str = QOS_DEFAULT,
+) -> str:
     """Liveliness key of one publisher of that node; slashes of names become percent signs."""
     mangled = topic.replace("/", "%")
-    return (
-        f"@ros2_lv/{domain}/{zid}/0/{entity}/MP/%/%{namespace}/{NODE}/{mangled}/"
-        f"{dds_type(type_name)}/{type_hash(type_name)}/{QOS_DEFAULT}"
-    )
-
-
-def publisher_gid(key: str, zid: str) -> bytes:
-    """Sixteen bytes that no other publisher has."""
-    return hashlib.blake2b(f"{zid}/{key}".encode(), digest_size=16).digest()
+    return f"@ros2_lv/{domain}/{zid}/0/{entity}/MP/%/%{namespace}/{NODE}/{mangled}/{wire_type(type_name, humble)}/{qos}"
 
 
 def attachment(seq: int, stamp_ns: int, gid: bytes) -> bytes:

@@ -43,6 +43,7 @@ def rover_config(settings: PublishSettings, rover: str, listen: Sequence[str]) -
     if settings.ros2:
         # ROS 2 nodes are peers that learn of each other from their router; it passes no message from peer to peer
         config.insert_json5("scouting/gossip/enabled", "true")
+        config.insert_json5("timestamping/enabled", "true")  # what is latched is kept by its stamp
     return config
 
 

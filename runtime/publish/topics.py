@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable
 
 import zenoh
+import zenoh.ext
 
 from drivers.measurements import Scan
 from runtime.health import Health
@@ -12,6 +13,7 @@ from runtime.messages.map_json import json_bytes, landmark_json
 from runtime.publish import messages, ros2_keys
 from runtime.publish.pace import Allowance, Pace
 from runtime.publish.status import host_name
+from runtime.ros2.gid import publisher_gid
 from runtime.ros2.laser_scan import SCAN, first_ray_ns, scan_bytes
 from runtime.ros2.markers import MARKERS, landmark_bytes
 from runtime.ros2.odometry import ODOMETRY, OdometryTrack, odometry_bytes
@@ -35,6 +37,8 @@ ROS2_TYPES = {
     "tf": TF,
     "scan": SCAN,
     "landmarks": MARKERS,
+    "particles": POSES,
+    "path": PATH,
     "diagnostics": messages.DIAGNOSTICS,
 }
 """What the rover says on the keys of rmw_zenoh."""
@@ -60,18 +64,39 @@ class Topic:
             express=urgent,
         )
         self._token = session.liveliness().declare_token(token) if token is not None else None
-        self._gid = ros2_keys.publisher_gid(key, str(session.zid()))
+        self._gid = publisher_gid(token or f"{session.zid()}/{key}")
         self._seq = 0
 
     def send(self, payload: bytes, wall_ns: int) -> None:
         """Hand one message to zenoh."""
+        self._seq += 1  # the first message is number 1, as those of rmw_zenoh are
         self._publisher.put(payload, attachment=ros2_keys.attachment(self._seq, wall_ns, self._gid))
-        self._seq += 1
 
     @property
     def is_wanted(self) -> bool:
         """Whether anyone subscribes: what is large or only for some is made only then."""
         return bool(self._publisher.matching_status.matching)  # type: ignore[attr-defined]  # the stub says bool
+
+
+class LatchedTransforms:
+    """/tf_static as rmw_zenoh has it: whoever subscribes later asks for the last message."""
+
+    def __init__(self, session: zenoh.Session, domain: int, namespace: str, entity: int, humble: bool) -> None:
+        zid, name, latched = str(session.zid()), "/tf_static", ros2_keys.QOS_LATCHED
+        token = ros2_keys.publisher_token(domain, zid, namespace, entity, name, TF, humble, latched)
+        self._gid = publisher_gid(token)
+        self._publisher = zenoh.ext.declare_advanced_publisher(
+            session,
+            ros2_keys.data_key(domain, name, TF, humble),
+            encoding=zenoh.Encoding(_cdr(TF)),
+            cache=zenoh.ext.CacheConfig(max_samples=1),
+            publisher_detection=True,
+        )
+        self._token = session.liveliness().declare_token(token)
+
+    def send(self, payload: bytes, wall_ns: int) -> None:
+        """Hand over the one message."""
+        self._publisher.put(payload, attachment=ros2_keys.attachment(1, wall_ns, self._gid))
 
 
 class RoverTopics:
@@ -169,10 +194,15 @@ class RoverTopics:
                 self._to_ros2("scan", whole, scan_ns)
             if self._scan_pace.due(stamp_ns):
                 self._scan_topic.send(scan_bytes(scan, self._wall_offset_ns, self._vehicle, SCAN_BEAM_STEP), scan_ns)
-        if self._slow_pace.due(stamp_ns) and self._path_topic.is_wanted:
-            self._path_topic.send(self._path.as_bytes(wall_ns), wall_ns)
-        if estimate.particles is not None and self._particle_pace.due(stamp_ns) and self._particle_topic.is_wanted:
-            self._particle_topic.send(particle_bytes(wall_ns, estimate.particles), wall_ns)
+        if self._slow_pace.due(stamp_ns) and (self._ros2_topics or self._path_topic.is_wanted):
+            path = self._path.as_bytes(wall_ns)
+            self._path_topic.send(path, wall_ns)
+            self._to_ros2("path", path, wall_ns)
+        wanted = self._ros2_topics or self._particle_topic.is_wanted
+        if estimate.particles is not None and self._particle_pace.due(stamp_ns) and wanted:
+            particles = particle_bytes(wall_ns, estimate.particles)
+            self._particle_topic.send(particles, wall_ns)
+            self._to_ros2("particles", particles, wall_ns)
 
     def send_state(self, health: Health) -> None:
         """A state that belongs to no tick: status and health at once, whatever their pace."""
@@ -205,15 +235,17 @@ class RoverTopics:
 
     def _declare_ros2(self) -> dict[str, Topic]:
         """What the ROS 2 node /<rover>/infant publishes."""
-        domain, zid = self._settings.ros2_domain, str(self._session.zid())
+        domain, zid, humble = self._settings.ros2_domain, str(self._session.zid()), self._settings.ros2 == "humble"
         namespace = ros2_keys.ros_name(self._rover)
         self._node = self._session.liveliness().declare_token(ros2_keys.node_token(domain, zid, namespace))
         topics = {}
         for entity, (short, type_name) in enumerate(ROS2_TYPES.items(), start=1):
             name = ros2_topic(namespace, short)
-            token = ros2_keys.publisher_token(domain, zid, namespace, entity, name, type_name)
-            key = ros2_keys.data_key(domain, name, type_name)
+            token = ros2_keys.publisher_token(domain, zid, namespace, entity, name, type_name, humble)
+            key = ros2_keys.data_key(domain, name, type_name, humble)
             topics[short] = Topic(self._session, key, _cdr(type_name), short in ("pose", "odom", "tf"), token)
+        self._tf_static = LatchedTransforms(self._session, domain, namespace, len(topics) + 1, humble)
+        self._tf_static.send(static_bytes(time.time_ns(), self._vehicle), time.time_ns())
         return topics
 
     def _to_ros2(self, name: str, payload: bytes, wall_ns: int) -> None:

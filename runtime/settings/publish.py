@@ -1,6 +1,6 @@
 """Settings of what the rover tells the world over zenoh."""
 
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -42,10 +42,11 @@ class PublishSettings(BaseModel):
         description="Scans per second on the key scan: 0 for none, 2 are enough for viewing. Raise it for a "
         "program that works with scans, lower it on a slow link",
     )
-    ros2: bool = Field(
+    ros2: Literal[False, True, "humble"] = Field(
         False,
-        description="Publish pose, odometry and TF as a ROS 2 node under rmw_zenoh too, with gossip discovery. "
-        "Turn it on if ROS 2 nodes are to see the rover",
+        description="Publish pose, odometry, TF, scan, landmarks, particles, path and diagnostics as a ROS 2 node "
+        "under rmw_zenoh too, with gossip discovery. Turn it on if ROS 2 nodes are to see the rover: true for Jazzy "
+        "and later, humble for Humble, whose keys have no hash of the type",
     )
     ros2_domain: int = Field(
         0,

@@ -3,8 +3,6 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -15,9 +13,8 @@ from runtime.errors import ConfigurationError
 from runtime.health import Health, RunState
 from runtime.publish.pace import Pace
 from runtime.publish.publisher import ZenohPublisher
-from runtime.publish.session import next_port, rover_config, tool_config
+from runtime.publish.session import next_port, tool_config
 from runtime.settings.publish import PublishSettings
-from runtime.source_tree import ROOT
 from runtime.tick import CompletedTick, SinkHealth
 from slam.estimate import Quality
 from tests.support.drivers.raising import raise_in
@@ -26,9 +23,9 @@ from tests.support.runtime.recorded_values import make_estimate, make_tick, make
 from tests.support.runtime.ros_types import (
     Odometry,
     PoseWithCovarianceStamped,
-    TransformMessage,
     read,
 )
+from tests.support.zenoh.router import start_router, stop_router
 from tests.support.zenoh.wire import (
     WALL_OFFSET_NS,
     free_port,
@@ -83,56 +80,6 @@ def test_a_reader_nobody_here_wrote_reads_every_message() -> None:
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
 
 
-def test_ros2_sees_pose_odometry_and_tf_under_the_right_type_hash() -> None:
-    port = free_port()
-    settings = settings_on(port, ros2=True)
-    with publishing(settings, "rover-1") as publisher, listening(f"tcp/127.0.0.1:{port}", "0/**") as listener:
-        for seq in range(200):
-            put_ticks(publisher, range(seq, seq + 1), 0.0)
-            if until(lambda: len({message["key"] for message in listener.messages}) >= 3, 0.05):
-                break
-        with zenoh.open(tool_config(f"tcp/127.0.0.1:{port}")) as session:
-            tokens: list[str] = []
-
-            def alive() -> bool:
-                tokens[:] = [str(r.ok.key_expr) for r in session.liveliness().get("@ros2_lv/**", timeout=1.0) if r.ok]
-                return len(tokens) >= 4
-
-            assert until(alive), tokens
-    keys = {message["key"]: message for message in listener.messages}
-    pose_key = (
-        "0/rover_1/pose/geometry_msgs::msg::dds_::PoseWithCovarianceStamped_/"
-        "RIHS01_26432f9803e43727d3c8f668d1fdb3c630f548af631e2f4e31382371bfea3b6e"
-    )
-    tf_key = (
-        "0/tf/tf2_msgs::msg::dds_::TFMessage_/RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
-    )
-    assert pose_key in keys
-    assert len(bytes.fromhex(keys[pose_key]["attachment"])) == 33
-    transforms = read(TransformMessage, bytes.fromhex(keys[tf_key]["payload"])).transforms
-    assert [(each.header.frame_id, each.child_frame_id) for each in transforms] == [
-        ("map", "odom"),
-        ("odom", "base_link"),
-    ]
-    assert any("/MP/" in token and "%rover_1%pose" in token and token.endswith("::,10:,:,:,,") for token in tokens)
-
-
-def test_a_ros2_node_that_knows_only_its_router_hears_the_rover() -> None:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    router = start_router(endpoint)
-    try:
-        config = rover_config(settings_on(free_port(), connect=(endpoint,), ros2=True), "r1", ("tcp/127.0.0.1:0",))
-        config.insert_json5("access_control/enabled", "false")  # a rover hears nothing; a node does
-        with (
-            publishing(settings_on(free_port(), connect=(endpoint,), ros2=True)) as publisher,
-            zenoh.open(config) as node,
-        ):
-            subscriber = node.declare_subscriber("0/r1/pose/**", zenoh.handlers.FifoChannel(100))
-            assert until(lambda: bool(put_ticks(publisher, range(1), 0.0)) and subscriber.try_recv() is not None)
-    finally:
-        stop_router(router)
-
-
 def test_queries_answer_with_the_last_pose_map_status_and_configuration() -> None:
     port = free_port()
     with publishing(settings_on(port), configuration_text='rover = "r1"\n') as publisher:
@@ -185,22 +132,6 @@ def test_a_stalled_subscriber_blocks_neither_put_nor_close() -> None:
         put_ticks(publisher, range(400), 0.002)
         publisher.close()
         assert listener.process.poll() is None, "it stood still all the time, and nobody waited for it"
-
-
-def start_router(endpoint: str) -> "subprocess.Popen[str]":
-    router = subprocess.Popen(
-        [sys.executable, "-m", "tests.support.zenoh.router", endpoint], cwd=ROOT, stdout=subprocess.PIPE, text=True
-    )
-    assert router.stdout is not None
-    assert router.stdout.readline() == "ready\n"
-    return router
-
-
-def stop_router(router: "subprocess.Popen[str]") -> None:
-    router.kill()
-    router.wait()
-    assert router.stdout is not None
-    router.stdout.close()
 
 
 def test_a_killed_router_costs_put_nothing_and_is_found_again() -> None:

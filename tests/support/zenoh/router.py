@@ -4,10 +4,13 @@ python -m tests.support.zenoh.router ENDPOINT
 """
 
 import json
+import subprocess
 import sys
 import time
 
 import zenoh
+
+from runtime.source_tree import ROOT
 
 
 def route(endpoint: str) -> None:
@@ -21,6 +24,22 @@ def route(endpoint: str) -> None:
         sys.stdout.flush()
         while True:
             time.sleep(1.0)
+
+
+def start_router(endpoint: str) -> "subprocess.Popen[str]":
+    router = subprocess.Popen(
+        [sys.executable, "-m", "tests.support.zenoh.router", endpoint], cwd=ROOT, stdout=subprocess.PIPE, text=True
+    )
+    assert router.stdout is not None
+    assert router.stdout.readline() == "ready\n"
+    return router
+
+
+def stop_router(router: "subprocess.Popen[str]") -> None:
+    router.kill()
+    router.wait()
+    assert router.stdout is not None
+    router.stdout.close()
 
 
 if __name__ == "__main__":
