@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from runtime.errors import RunExistsError, StorageError, UsageError
+from runtime.export.grid import MOST_CELLS
 from runtime.export.rosbag2 import Rosbag2
 from runtime.export.tables import CsvFile, GeoJsonFile, TumFile
 from runtime.map_files.start import origin_of
@@ -92,11 +93,13 @@ def export_run(
         ) from error
     progress(1.0)
     bag = forms.get("ros2")
+    messages, has_part = (bag.messages, bag.has_part_of_map) if isinstance(bag, Rosbag2) else ({}, False)
     return {
         "run": str(run),
         "files": {form: str(path) for form, path in outputs.paths.items()},
         "ticks": ticks,
-        "messages": bag.messages if isinstance(bag, Rosbag2) else {},
+        "messages": messages,
+        "part_of_map": has_part,
         "stamps": "UTC" if offset_ns is not None else "the recording's own clock",
         "truncated": reader.truncated or None,
         "seconds": round(time.monotonic() - began_s, 2),
@@ -143,6 +146,11 @@ def export_lines(summary: dict[str, Any]) -> list[str]:
     if summary["stamps"] != "UTC":
         lines.append(
             "note      the recording does not hold the time of day: its stamps are those of the recording clock"
+        )
+    if summary["part_of_map"]:
+        lines.append(
+            "note      /map has only the beginning of the drive: the whole takes more than "
+            f"{MOST_CELLS / 1e6:.0f} million cells; give a coarser --resolution"
         )
     if summary["truncated"]:
         lines.append(f"note      {summary['truncated']}")

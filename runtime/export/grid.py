@@ -7,7 +7,7 @@ from slam.maps.occupancy_grid import GridMap, OccupancyGrid
 from slam.pose import Pose2, wrap_rad
 from slam.settings.slam import SlamSettings
 
-MOST_CELLS = 25_000_000  # 200 MB of counts: 500 m by 500 m at 0.1 m
+MOST_CELLS = 18_000_000  # 144 MB of counts, twice that while they grow: 420 m by 420 m at 0.1 m
 APART_M, APART_RAD, APART_NS = 0.2, 0.2, 5_000_000_000  # a scan from nearer than this shows little that is new
 
 

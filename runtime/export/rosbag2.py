@@ -110,6 +110,11 @@ class Rosbag2:
         text = metadata_yaml(self._name, TOPICS, self.messages, first_ns, last_ns)
         (self._folder / "metadata.yaml").write_text(text, encoding="utf-8")
 
+    @property
+    def has_part_of_map(self) -> bool:
+        """Whether the grid would have become too large, and shows the drive only until then."""
+        return self._grid is not None and self._grid.full
+
     def close(self) -> None:
         """Give the file back."""
         self._file.close()

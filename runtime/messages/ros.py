@@ -16,7 +16,7 @@ from slam.pose import Pose2
 
 LEVELS = {Severity.INFO: 0, Severity.WARN: 1, Severity.ERROR: 2}  # DiagnosticStatus OK, WARN, ERROR
 EXTENDED, REMOTE, ERROR, FD = 1, 2, 4, 8  # flags of RawTap.can_frame
-PLANAR = np.array((0, 1, 5))  # rows of x, y and yaw
+PLANAR_BLOCK = np.ix_((0, 1, 5), (0, 1, 5))  # x, y and yaw
 CDR_HEADER = b"\0\1\0\0"  # little-endian
 CAN_FRAME = struct.Struct("<4siI8sI???B8s")  # can_msgs/Frame packed at once: a log has millions of them
 CAN_ID = b"\4\0\0\0can\0"  # frame_id of its header
@@ -102,7 +102,7 @@ def pose_with_covariance(pose: Pose2, covariance: NDArray[np.float64]) -> Any:
 def planar_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
     """(36,) of (3, 3) over x, y and yaw; z, roll and pitch of a rover on a plane are zero and have no variance."""
     full = np.zeros((6, 6))
-    full[np.ix_(PLANAR, PLANAR)] = covariance
+    full[PLANAR_BLOCK] = covariance
     return full.ravel()
 
 

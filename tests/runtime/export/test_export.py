@@ -3,6 +3,7 @@
 import csv
 import json
 import shutil
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,11 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
 from runtime.errors import RunExistsError, UsageError
+from runtime.export import grid
 from runtime.export.export import Outputs, export_lines, export_run
 from runtime.record.header import RunHeader
 from runtime.record.mcap_file import RecordFile, RunWriter
+from slam.maps.occupancy_grid import OccupancyGrid
 from slam.pose import Pose2
 from tests.support.runtime.drawn_drive import MOUNT, YARD_M, drive
 
@@ -162,3 +165,23 @@ def stamp_of(message: Any) -> int:
 def planar(transform: Any) -> Pose2:
     at, turn = transform.transform.translation, transform.transform.rotation
     return Pose2(at.x, at.y, 2.0 * np.arctan2(turn.z, turn.w))
+
+
+def test_a_map_that_would_become_too_large_is_given_up_and_the_summary_says_so(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(grid, "MOST_CELLS", 1000)
+    summary = export_run(run, Outputs(ros2=tmp_path / "bag"), no_progress)
+    assert summary["part_of_map"]
+    assert any("give a coarser --resolution" in line for line in export_lines(summary))
+
+
+def test_a_growing_grid_of_the_largest_size_leaves_room_below_the_500_mb_of_an_export() -> None:
+    side_m = 0.1 * np.sqrt(grid.MOST_CELLS) - 60.0  # the grid keeps a margin
+    growing = OccupancyGrid(0.1, grid.MOST_CELLS)
+    tracemalloc.start()
+    for reach_m in (0.95 * side_m, side_m):
+        growing._cover(np.zeros(2, np.int64), np.full(2, round(reach_m * 10.0), np.int64))
+    peak_mb = tracemalloc.get_traced_memory()[1] / 2**20
+    tracemalloc.stop()
+    assert 100.0 < peak_mb < 280.0  # the rest of the program takes 190
