@@ -1,9 +1,11 @@
 """Cuts the byte stream into messages: bounded in memory, in step again at the next pair of line feeds."""
 
+import re
 from dataclasses import dataclass
 
 from drivers.scip.codec import END
 
+ENDS = re.compile(rb"\n\n+")  # line feeds alone would be a message of nothing each
 MESSAGE_BYTES = 1 << 16  # a multi-echo scan with intensities of 1081 steps has about 20 kB
 
 
@@ -47,12 +49,11 @@ class MessageStream:
             self._stamp_ns = stamp_ns
         searched = max(0, len(pending) - 1)  # the pair may be cut between two reads
         pending += data
-        begin, end = 0, pending.find(END, searched)
-        while end >= 0:
-            self._close(bytes(pending[begin:end]), messages)
+        begin, whole = 0, bytes(pending)
+        for end in ENDS.finditer(whole, searched):
+            self._close(whole[begin : end.start()], messages)
             self._stamp_ns = stamp_ns
-            begin = end + len(END)
-            end = pending.find(END, begin)
+            begin = end.end()
         del pending[:begin]
         if len(pending) > MESSAGE_BYTES:
             self.discarded_bytes += len(pending) - 1

@@ -24,7 +24,7 @@ def words_of(message: Any, frames: Frames) -> str:
     if frame not in (*MAP_FRAMES, frames("map")):
         raise ValueError(f"is in the frame {frame!r}, expected {frames('map')!r}; set the fixed frame of RViz to it")
     at, turn = message.pose.pose.position, message.pose.pose.orientation
-    yaw_rad = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
+    yaw_rad = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y * turn.y + turn.z * turn.z))
     covariance = np.array(message.pose.covariance, dtype=np.float64).reshape(6, 6)
     words = [at.x, at.y, yaw_rad]
     if covariance.any() and np.isfinite(covariance).all():

@@ -80,7 +80,7 @@ def words_of(message: Any, prefix: str) -> str:
     if frame not in ("", "map", map_frame):
         raise ValueError("is in the frame " + repr(frame) + ", expected " + repr(map_frame))
     at, turn = message.pose.pose.position, message.pose.pose.orientation
-    yaw = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
+    yaw = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y * turn.y + turn.z * turn.z))
     words, spread = [at.x, at.y, yaw], [float(value) for value in message.pose.covariance]
     if any(spread) and all(map(math.isfinite, spread)):
         half, cross = 0.5 * (spread[0] + spread[7]), 0.5 * (spread[1] + spread[6])

@@ -44,6 +44,10 @@ def load_scip(source: Path) -> Archive:
         left_out.add("scans", reason, source.name, count)
     if capture.torn:
         left_out.notes.append(f"the last {capture.torn} bytes of {source.name} are an incomplete message")
+    if capture.is_cut:
+        left_out.warnings.append(
+            f"{source.name} holds more than fits into memory and is read up to its message {capture.messages}; split it"
+        )
     if capture.is_guessed and capture.parameters is not None:
         left_out.warnings.append(
             f"{source.name} does not hold the laser's answer to PP; its steps are assumed to be those of a "

@@ -107,7 +107,7 @@ def path_of(data: bytes) -> FloatArray:
 def _pose_of(pose: Any) -> Pose2:
     turn = pose.orientation
     found = Pose2(pose.position.x, pose.position.y, wrap_rad(2.0 * math.atan2(turn.z, turn.w)))
-    if not (abs(found.x_m) < FARTHEST_M and abs(found.y_m) < FARTHEST_M):
+    if not (np.abs(found.as_array()) < FARTHEST_M).all():  # of NaN too
         raise ValueError("a pose that is nowhere")
     return found
 

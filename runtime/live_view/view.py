@@ -12,6 +12,7 @@ from runtime.errors import ConfigurationError
 from runtime.live_view.ticks import HEARD, LiveTicks, path_of
 from runtime.publish.find_rover import FoundRover, find_rover
 from runtime.publish.follow import Follower, Message, following
+from runtime.publish.session import LARGEST_ANSWER
 from runtime.review.viewer import LOOPBACK, free_port, viewer_environment, viewer_path
 from runtime.review.writer import ReviewWriter
 from runtime.settings.configuration import load_configuration_text
@@ -61,7 +62,7 @@ def draw_live(
             drawn += 1
             if time.monotonic() >= next_map_s:
                 next_map_s = time.monotonic() + MAP_S
-                ticks.take(Message("map", follower.ask("map") or b"{}"))
+                ticks.take(Message("map", follower.ask("map", LARGEST_ANSWER) or b"{}"))
         if writer is not None:
             writer.close()
     return drawn

@@ -5,11 +5,9 @@ Work is bounded: a scan when one comes (publish.scan_hz), a picture of the grid 
 cells.
 """
 
-import queue
 import threading
 import time
 from collections import deque
-from contextlib import suppress
 from itertools import pairwise
 from typing import Any, TextIO
 
@@ -21,6 +19,7 @@ from runtime.errors import SensorError, UsageError
 from runtime.maps.grid_message import GRID, grid_bytes
 from runtime.messages.tick import decode
 from runtime.printable import printable
+from runtime.publish.follow import Follower
 from runtime.publish.rover_status import ROVER
 from runtime.publish.session import short_reason, tool_session
 from runtime.settings.configuration import load_configuration_text
@@ -33,9 +32,7 @@ from slam.settings.slam import SlamSettings
 GRID_S = 1.0
 MOST_CELLS = 25_000_000  # 200 MB of counts: 250 m by 250 m at 0.05 m
 POSES_KEPT = 100  # ten seconds at 10 Hz, for scans that come late
-ASK_S = 2.0
 WAKE_S = 0.2
-MOST_WAITING = 200  # messages
 FARTHEST_M = 1e6  # where no rover drives, and cells of a grid still have numbers
 
 
@@ -128,26 +125,24 @@ def publish_live_grid(
         raise UsageError(f"--rover {rover!r}: expected a name of 1 to 32 letters, digits, - and _")
     try:
         with tool_session(endpoint, config_file) as session:
-            live = LiveGrid(_settings_of(session, endpoint, rover), resolution_m)
-            return _publish(session, rover, live, stop, said)
+            follower = Follower(session, rover, ("pose", "scan"))
+            live = LiveGrid(_settings_of(follower, endpoint), resolution_m)
+            return _publish(session, follower, live, stop, said)
     except zenoh.ZError as error:
         raise SensorError(f"{endpoint}: no connection ({short_reason(error)}); give --connect and --zenoh") from error
 
 
-def _publish(session: zenoh.Session, rover: str, live: LiveGrid, stop: threading.Event, said: TextIO) -> int:
-    waiting: queue.Queue[tuple[str, bytes]] = queue.Queue(MOST_WAITING)
-    for name in ("pose", "scan"):
-        session.declare_subscriber(f"infant/{rover}/{name}", _into(waiting, name))
+def _publish(session: zenoh.Session, follower: Follower, live: LiveGrid, stop: threading.Event, said: TextIO) -> int:
     publisher = session.declare_publisher(
-        f"infant/{rover}/grid",
+        f"infant/{follower.rover}/grid",
         encoding=zenoh.Encoding(f"application/cdr;{GRID}"),
         congestion_control=zenoh.CongestionControl.DROP,
         priority=zenoh.Priority.DATA_LOW,
     )
     sent, troubles, next_s = 0, 0, time.monotonic() + GRID_S
     while not stop.is_set():
-        with suppress(queue.Empty):
-            live.take(*waiting.get(timeout=WAKE_S))
+        if (message := follower.next(WAKE_S)) is not None:
+            live.take(message.name, message.data)
         for text in list(live.troubles.values())[troubles:]:
             troubles += 1
             said.write(f"infant: {text}\n")
@@ -157,21 +152,12 @@ def _publish(session: zenoh.Session, rover: str, live: LiveGrid, stop: threading
     return sent
 
 
-def _settings_of(session: zenoh.Session, endpoint: str, rover: str) -> SlamSettings:
+def _settings_of(follower: Follower, endpoint: str) -> SlamSettings:
     """Where the laser sits, from the configuration that the rover says it has."""
-    for reply in session.get(f"infant/{rover}/configuration", timeout=ASK_S):
-        if reply.ok is not None:
-            text = reply.ok.payload.to_bytes().decode(errors="replace")
-            return load_configuration_text(text, source=f"configuration of {rover}").slam
-    raise SensorError(f"{rover} does not answer at {endpoint}; is infant run running, and is this its name?")
-
-
-def _into(waiting: "queue.Queue[tuple[str, bytes]]", name: str) -> "zenoh.handlers.Callback[zenoh.Sample]":
-    """A subscriber's handler that never waits: when the queue is full the message is lost."""
-
-    def keep(sample: zenoh.Sample) -> None:
-        with suppress(queue.Full):
-            waiting.put_nowait((name, sample.payload.to_bytes()))
-
-    # indirect=True would start Python threads that hang or abort a process that ends without closing the session
-    return zenoh.handlers.Callback(keep, indirect=False)
+    text = follower.ask("configuration")
+    if text is None:
+        raise SensorError(
+            f"{follower.rover} does not answer at {endpoint}; is infant run running, and is this its name?"
+        )
+    source = f"configuration of {follower.rover}"
+    return load_configuration_text(text.decode(errors="replace"), source=source).slam

@@ -92,7 +92,7 @@ class RoverState:
         message = decode("/pose", data)
         at, turn = message.pose.pose.position, message.pose.pose.orientation
         pose = Pose2(at.x, at.y, wrap_rad(2.0 * math.atan2(turn.z, turn.w)))
-        if not (abs(pose.x_m) < FARTHEST_M and abs(pose.y_m) < FARTHEST_M):
+        if not (np.abs(pose.as_array()) < FARTHEST_M).all():  # of NaN too
             return
         stamp_ns = _stamp_ns(message)
         variances = message.pose.covariance.reshape(6, 6)

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,14 @@ def recorded_runs(root: Path) -> list[dict[str, Any]]:
         folders = sorted((path for path in root.iterdir() if path.is_dir()), key=lambda path: path.name, reverse=True)
     except OSError:
         return []
-    return [_told(RunFolder(path)) for path in folders[: 4 * MOST_RUNS] if RunFolder(path).segment_paths()][:MOST_RUNS]
+    runs: list[dict[str, Any]] = []
+    for path in folders[: 4 * MOST_RUNS]:
+        with suppress(OSError):  # removed, or closed to us, while it is looked at
+            if RunFolder(path).segment_paths():
+                runs.append(_told(RunFolder(path)))
+        if len(runs) == MOST_RUNS:
+            break
+    return runs
 
 
 def free_gb(root: Path) -> float | None:

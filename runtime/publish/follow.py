@@ -12,9 +12,10 @@ from runtime.commands import Command
 from runtime.errors import SensorError
 from runtime.publish.commands import Answer, answer_of, command_key, no_answer
 from runtime.publish.find_rover import FoundRover
-from runtime.publish.session import LARGEST_ANSWER, short_reason, tool_session
+from runtime.publish.session import short_reason, tool_session
 
 MOST_WAITING, MOST_WAITING_BYTES = 500, 32 << 20  # when a tool is slower than its rover the newest messages are lost
+LARGEST_HEARD = 2 << 20  # bytes of one message: 50 000 landmarks have 1.2 MB; a list of poses takes 20 times that
 ASK_S = 2.0
 
 
@@ -59,10 +60,10 @@ class Follower:
         self._came.clear()
         return came
 
-    def ask(self, name: str) -> bytes | None:
-        """Its answer on a key, None where it gives none in time."""
+    def ask(self, name: str, most_bytes: int = LARGEST_HEARD) -> bytes | None:
+        """Its answer on a key, None where it gives none of so many bytes in time."""
         for reply in self.session.get(f"infant/{self.rover}/{name}", timeout=ASK_S):
-            if reply.ok is not None and len(reply.ok.payload) <= LARGEST_ANSWER:
+            if reply.ok is not None and len(reply.ok.payload) <= most_bytes:
                 return bytes(reply.ok.payload.to_bytes())
         return None
 
@@ -85,6 +86,8 @@ class Follower:
     def _into(self, name: str) -> Callable[[zenoh.Sample], None]:
         def keep(sample: zenoh.Sample) -> None:
             size = len(sample.payload)
+            if size > LARGEST_HEARD:
+                return
             with self._counting:
                 if self._waiting.full() or self._waiting_bytes + size > MOST_WAITING_BYTES:
                     return

@@ -22,6 +22,9 @@ from drivers.settings.laser import LaserSettings
 
 RECORD = struct.Struct(">III")
 LARGEST_RECORD = 1 << 16
+MOST_MESSAGES = 300_000  # two hours of the fastest laser
+KEPT_BYTES, KEPT_TIMES = 150_000_000, 4  # of memory for the scans: so much, or so many times the size of the capture
+SCAN_BYTES, BEAM_BYTES = 1500, 12  # of memory for a scan and for each beam, with all that is made of them
 MOST_REQUESTS = 16  # of which answers are decoded; a program asks for one or two
 COMMAND = re.compile(rb"(?:SCIP2\.0|[A-Z]{2}[0-9A-Za-z;._+@ ]{0,40})")
 DRIFT_MAX_PPM = 200.0
@@ -43,7 +46,8 @@ USELESS = {
 class Capture:
     """What a capture held. useless: messages of scans by the reason why there is no scan of them.
 
-    is_guessed: the laser's own description was not captured. torn: bytes at the end that are no whole message.
+    is_guessed: the laser's own description was not captured. torn: bytes at the end that are no whole message. is_cut:
+    more messages followed than fit.
     """
 
     scans: list[Scan] = field(default_factory=list)
@@ -52,6 +56,7 @@ class Capture:
     parameters: Parameters | None = None
     is_guessed: bool = False
     torn: int = 0
+    is_cut: bool = False
 
 
 def is_scip(head: bytes) -> bool:
@@ -86,7 +91,11 @@ def read_capture(path: Path) -> Capture:
     capture = Capture(parameters=_described(path))
     settings, clock, events = LaserSettings(), LaserClock(DRIFT_MAX_PPM), EventLog("laser")
     assemblies: dict[ScanRequest, ScanAssembly] = {}
+    room_bytes = max(KEPT_BYTES, KEPT_TIMES * path.stat().st_size)
     for message in _messages(path, capture):
+        if room_bytes < 0:
+            capture.is_cut = True
+            break
         capture.messages += 1
         request = _request(message)
         if request is None:
@@ -105,16 +114,22 @@ def read_capture(path: Path) -> Capture:
         except ScipError:
             continue  # counted by the assembly
         else:
-            capture.scans += [scan] if scan is not None else []
+            if scan is not None:
+                capture.scans.append(scan)
+                room_bytes -= SCAN_BYTES + BEAM_BYTES * scan.ranges_m.size
     capture.useless = {reason: events.counters[kind] for kind, reason in USELESS.items() if events.counters[kind]}
     return capture
 
 
 def _messages(path: Path, capture: Capture) -> Iterator[RawMessage]:
     """Whole messages with their arrival, without arrivals that of the laser's clock; says what is left at the end."""
-    stream, last_ms, total_ms = MessageStream(), -1, 0
+    stream, last_ms, total_ms, count = MessageStream(), -1, 0, 0
     for stamp_ns, data in chunks(path):
         for message in stream.feed(stamp_ns or 0, data):
+            count += 1
+            if count > MOST_MESSAGES:
+                capture.is_cut = True
+                return
             if stamp_ns is not None:
                 yield message
                 continue

@@ -1,6 +1,7 @@
 import time
 from itertools import pairwise
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -76,3 +77,12 @@ def test_a_byte_of_garbage_costs_the_same_however_much_of_it_waits() -> None:
             stream.feed(0, b"x")
         cost_s.append(time.thread_time() - began_s)
     assert min(cost_s[-16:]) < 20.0 * min(cost_s[:16])
+
+
+def test_line_feeds_alone_are_one_end_and_not_a_message_of_nothing_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream, closed = MessageStream(), []
+    close = stream._close
+    monkeypatch.setattr(stream, "_close", lambda raw, messages: (closed.append(raw), close(raw, messages)))
+    assert stream.feed(0, b"\n" * MESSAGE_BYTES) == []
+    assert [raw.data for raw in stream.feed(0, b"QT\n00P" + b"\n" * 1000)] == [b"QT\n00P"]
+    assert len(closed) == 2

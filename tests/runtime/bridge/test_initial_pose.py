@@ -2,6 +2,7 @@
 
 import io
 import threading
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from queue import SimpleQueue
@@ -45,6 +46,17 @@ def test_a_click_says_where_the_rover_is_and_how_well_that_is_known(frame: str) 
     assert rclpy_node.words_of(message(frame), "r1") == words_of(message(frame), Frames("r1"))
     by_default = parse_prior(words_of(message(frame, covariance=np.zeros(36)), Frames("r1")))
     assert by_default.sigma_m == parse_prior("0,0,0").sigma_m
+
+
+@pytest.mark.parametrize("value", [1e200, -1e308, float("inf"), float("nan")])
+def test_no_quaternion_ends_the_bridge(value: float) -> None:
+    """1e200 did: its square raises an OverflowError, which is no ValueError."""
+    odd = message()
+    for axis in "xyzw":
+        setattr(odd.pose.pose.orientation, axis, value)
+    with suppress(ValueError):
+        parse_prior(words_of(odd, Frames("r1")))
+    assert rclpy_node.words_of(odd, "r1")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from drivers.canbus.frame import CanFrame
 from drivers.measurements import Scan, WheelCounts
 from runtime.errors import DataSetError
 from runtime.importers.data_set import import_data_set
-from runtime.importers.parsing import text_lines
+from runtime.importers.parsing import scip_capture, text_lines
 from runtime.importers.parsing.candump_lines import FRAME_BYTES, FrameColumns
 from runtime.importers.wire_captures import load_candump, load_scip
 from runtime.record.reader import RunReader
@@ -187,3 +187,17 @@ def test_a_capture_without_an_end_is_read_in_pieces(tmp_path: Path) -> None:
     tracemalloc.stop()
     assert peak < 5_000_000
     assert "ranges" not in archive
+
+
+@pytest.mark.parametrize(("name", "most"), [("MOST_MESSAGES", 5), ("KEPT_BYTES", 50_000)])
+def test_a_capture_of_more_than_fits_is_read_up_to_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, most: int
+) -> None:
+    """45 MB of messages of one byte took more than a minute, in which nothing was said."""
+    (tmp_path / "a.logr").write_bytes(b"".join([described(), *scan_messages(20)]))
+    monkeypatch.setattr(scip_capture, "KEPT_TIMES", 0)
+    monkeypatch.setattr(scip_capture, name, most)
+    archive = load_scip(tmp_path / "a.logr")
+    assert 2 <= len(archive.arrays["scan_t"]) <= 5
+    told = "a.logr holds more than fits into memory and is read up to its message"
+    assert any(told in warning for warning in archive.left_out.warnings)

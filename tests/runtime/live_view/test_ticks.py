@@ -13,13 +13,14 @@ from runtime.cli.__main__ import app
 from runtime.errors import UsageError
 from runtime.live_view.ticks import HEARD, LiveTicks, path_of
 from runtime.live_view.view import view_live
+from runtime.messages.definitions import deserialize, serialize
 from runtime.messages.map_json import landmark_json
 from runtime.publish.follow import Message
 from runtime.publish.messages import event_json
 from runtime.review.ticks import AssembledTick
 from runtime.ros2.laser_scan import scan_bytes
 from runtime.ros2.odometry import OdometryTrack, odometry_bytes
-from runtime.ros2.poses import DrivenPath, particle_bytes, pose_bytes
+from runtime.ros2.poses import POSE, DrivenPath, particle_bytes, pose_bytes
 from runtime.ros2.vehicle import Vehicle
 from runtime.tick import CompletedTick
 from tests.support.runtime.drawn_drive import MOUNT, completed_ticks
@@ -126,3 +127,15 @@ def test_json_of_the_map_is_what_the_rover_answers() -> None:
     landmarks = next(completed_ticks(1)).estimate.landmarks
     assert landmarks is not None
     assert json.loads(landmark_json(landmarks, 0))["existence"]
+
+
+def test_a_heading_that_is_no_number_is_not_drawn() -> None:
+    ticks, estimate = LiveTicks("r1"), next(iter(completed_ticks(1))).estimate
+    odd = deserialize(POSE, pose_bytes(1, estimate))
+    odd.pose.pose.orientation.z = odd.pose.pose.orientation.w = float("nan")
+    assert ticks.take(Message("pose", pose_bytes(1, estimate))) is None
+    assert ticks.take(Message("pose", serialize(POSE, odd))) is None
+    drawn = ticks.take(Message("pose", pose_bytes(2, estimate)))
+    assert drawn is not None
+    assert drawn.estimate is not None
+    assert np.isfinite(drawn.estimate.map_from_body.as_array()).all()

@@ -2,7 +2,7 @@
 
 import zenoh
 
-from runtime.publish.follow import MOST_WAITING_BYTES, Follower
+from runtime.publish.follow import LARGEST_HEARD, MOST_WAITING_BYTES, Follower
 from runtime.publish.session import tool_config
 from tests.support.zenoh.wire import free_port, until
 
@@ -31,6 +31,7 @@ def test_a_flood_of_large_messages_waits_in_bounded_memory_and_small_ones_come_a
         while heard.next(0.2) is not None:
             pass
         assert heard._waiting_bytes == 0
+        flooder.put("infant/r1/pose", bytes(LARGEST_HEARD + 1), congestion_control=zenoh.CongestionControl.BLOCK)
         flooder.put("infant/r1/pose", b"small", congestion_control=zenoh.CongestionControl.BLOCK)
         message = heard.next(10.0)
         assert message is not None

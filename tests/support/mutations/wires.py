@@ -1,5 +1,6 @@
 """What comes over wires: replies of a laser, frames of a bus, payloads of zenoh to a rover and to its listeners."""
 
+import json
 import time
 import traceback
 from collections.abc import Callable, Iterator
@@ -172,7 +173,7 @@ def _hear(said: Payloads, rng: Random) -> None:
             if topic.key == name:
                 with suppress(ValueError):
                     with_prefix(topic.type_name, data, Frames("rover"))
-    state.beat(True)
+    json.dumps(state.beat(True), allow_nan=False)
     grid.grid.grid_map()
     answer_of(zenoh.ZBytes(changed))
     for judge in (lambda: believed("infant/r1/status", changed), lambda: path_of(changed)):
