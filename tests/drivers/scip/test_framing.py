@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from drivers.scip.framing import MESSAGE_BYTES, MessageStream
+from drivers.scip.framing import MESSAGE_BYTES, MessageStream, RawMessage
 
 MESSAGES = [b"QT\n00P", b"MD0000108001000\n99b\n00000\n" + b"0" * 70, b"BM\n02R"]
 
@@ -80,9 +80,14 @@ def test_a_byte_of_garbage_costs_the_same_however_much_of_it_waits() -> None:
 
 
 def test_line_feeds_alone_are_one_end_and_not_a_message_of_nothing_each(monkeypatch: pytest.MonkeyPatch) -> None:
-    stream, closed = MessageStream(), []
+    stream, closed = MessageStream(), list[bytes]()
     close = stream._close
-    monkeypatch.setattr(stream, "_close", lambda raw, messages: (closed.append(raw), close(raw, messages)))
+
+    def counted(raw: bytes, messages: list[RawMessage]) -> None:
+        closed.append(raw)
+        close(raw, messages)
+
+    monkeypatch.setattr(stream, "_close", counted)
     assert stream.feed(0, b"\n" * MESSAGE_BYTES) == []
     assert [raw.data for raw in stream.feed(0, b"QT\n00P" + b"\n" * 1000)] == [b"QT\n00P"]
     assert len(closed) == 2
