@@ -208,7 +208,7 @@ def check(
     if live:
         from runtime.setup.preflight import preflight  # loads the drivers
 
-        steps = preflight(configuration)
+        steps = preflight(configuration, lambda line: typer.echo(line, err=True))
     for each in steps:
         checks.append(each)
         if not as_json:

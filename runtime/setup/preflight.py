@@ -35,8 +35,11 @@ WARM_S = 10.0
 EARLIEST_CLOCK_S = 1_735_689_600  # 2025-01-01: a clock before this has not been set
 
 
-def preflight(configuration: Configuration) -> Iterator[Check]:
-    """Every check in turn; slow ones last. Raises ConfigurationError when a sensor is not configured."""
+def preflight(configuration: Configuration, tell: Callable[[str], None]) -> Iterator[Check]:
+    """Every check in turn; slow ones last. tell: told how far the slowest is.
+
+    Raises ConfigurationError when a sensor is not configured.
+    """
     if configuration.laser is None or configuration.encoders is None:
         raise ConfigurationError("[laser] and [encoders]: missing; a live check needs both tables")
     yield Check("configuration", CheckResult.PASS, f"sha256 {configuration.sha256[:12]}")
@@ -45,7 +48,7 @@ def preflight(configuration: Configuration) -> Iterator[Check]:
     yield check_real_time(configuration.loop.priority)
     yield check_calibration(configuration)
     yield from (check_endpoint(endpoint) for endpoint in configuration.publish.listen)
-    yield check_compile_cache(configuration)
+    yield check_compile_cache(configuration, tell)
     yield from check_sensors(configuration, configuration.laser, configuration.encoders)
 
 
@@ -126,17 +129,13 @@ def check_endpoint(endpoint: str) -> Check:
     return Check("zenoh", CheckResult.PASS, f"{endpoint} is free")
 
 
-def check_compile_cache(configuration: Configuration) -> Check:
-    """Compile or load the kernels now; long means that there was no cache."""
-    from slam.estimator import Estimator  # brings numba, half a second that a check of the file alone does not need
+def check_compile_cache(configuration: Configuration, tell: Callable[[str], None]) -> Check:
+    """Compile or load the kernels now, as a run does; tell: told how far that is."""
+    from runtime.live.kernels import load_kernels  # brings numba, half a second that a check of the file does not need
 
-    began_s = time.monotonic()
-    Estimator.warm_up(configuration.slam)
-    took_s = time.monotonic() - began_s
-    if took_s > WARM_S:
-        reason = f"kernels were compiled just now, {took_s:.0f} s"
-        return Check("compile cache", CheckResult.WARN, reason, "none; the next start finds them")
-    return Check("compile cache", CheckResult.PASS, f"kernels loaded in {took_s:.1f} s")
+    took_s = load_kernels(configuration.slam, tell, threading.Event())
+    how = f"compiled just now, in {took_s:.0f} s; no run compiles them again" if took_s > WARM_S else "there"
+    return Check("compile cache", CheckResult.PASS, f"the kernels are {how}")
 
 
 def check_sensors(configuration: Configuration, laser: LaserSettings, encoders: EncoderSettings) -> Iterator[Check]:

@@ -1,4 +1,5 @@
 import socket
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +14,7 @@ from runtime.setup.preflight import (
     check_bus,
     check_calibration,
     check_clock,
+    check_compile_cache,
     check_disk,
     check_endpoint,
     check_real_time,
@@ -55,6 +57,19 @@ def test_disk_space_is_judged_in_hours(
     found = check_disk(tmp_path / "runs" / "not-there-yet")
     assert found.verdict is expected
     assert "hours" in found.reason
+
+
+def test_compiling_is_told_while_it_lasts_and_no_warning_afterwards(monkeypatch: pytest.MonkeyPatch) -> None:
+    def compiled(_settings: object, tell: Callable[[str], None], _stop: object) -> float:
+        tell("starting: compiling kernels 3 of 9")
+        return 240.0
+
+    monkeypatch.setattr("runtime.live.kernels.load_kernels", compiled)
+    told: list[str] = []
+    found = check_compile_cache(load_configuration_text(""), told.append)
+    assert told == ["starting: compiling kernels 3 of 9"]
+    assert (found.verdict, found.remedy) == (PASS, "")
+    assert "compiled just now, in 240 s" in found.reason
 
 
 def test_a_priority_that_is_not_allowed_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
