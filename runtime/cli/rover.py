@@ -119,9 +119,7 @@ def command(
         str, typer.Argument(help="what you saw (required for mark); for initial_pose: X,Y,YAW[,SIGMA_M,SIGMA_RAD]")
     ] = "",
     rover: Rover = None,
-    connect: Annotated[
-        str, typer.Option("--connect", help="zenoh endpoint of the rover or router")
-    ] = "tcp/127.0.0.1:7447",
+    connect: Connect = None,
     zenoh_file: Annotated[
         Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for the router of a fleet")
     ] = None,
@@ -134,11 +132,14 @@ def command(
     from runtime.commands import Command
     from runtime.errors import UsageError
     from runtime.publish.commands import send_command
-    from runtime.publish.find_rover import find_rover
+    from runtime.publish.find_rover import FoundRover, endpoint_of, find_rover
 
     file = None if zenoh_file is None else str(zenoh_file)
-    rover = rover or find_rover(connect, None, file).name
-    answer = send_command(connect, rover, Command(asked.value), reason, file)
+    if rover is not None and connect is not None:  # who may command it need not be allowed to ask for its state
+        found = FoundRover(rover, endpoint_of(connect))
+    else:
+        found = find_rover(connect, rover, file)
+    rover, answer = found.name, send_command(found.endpoint, found.name, Command(asked.value), reason, file)
     if as_json:
         said = {"rover": rover, "command": asked.value, "accepted": answer.accepted, "reason": answer.reason}
         say_json(said)

@@ -10,6 +10,7 @@ import pytest
 import zenoh
 
 from drivers.measurements import Event
+from runtime.cli import rover as of_rover
 from runtime.commands import LONGEST_REASON, MOST_WAITING, Command, CommandQueue, command_of, told_pose
 from runtime.errors import ConfigurationError, SensorError
 from runtime.health import HealthMonitor
@@ -30,8 +31,9 @@ from slam.settings.slam import SlamSettings
 from tests.runtime.live.test_loop import StillSensors
 from tests.support.runtime.small_estimator import SmallEstimator
 from tests.support.zenoh.fleet import Fleet, routing, running_fleet
-from tests.support.zenoh.wire import free_port, opened, publishing, settings_on, until
+from tests.support.zenoh.wire import free_port, opened, publishing, put_ticks, settings_on, until
 
+ELSEWHERE = "tcp/127.0.0.1:9"  # nobody listens there, as no router does at 7447 on a rover that is alone
 REFUSED_S = 0.7  # how long a test waits for an answer that must not come
 
 
@@ -225,3 +227,13 @@ def test_the_last_pose_of_a_tick_counts_and_a_stopped_recording_does_not_matter(
     assert told.pose.heading_rad == pytest.approx(7.0 - 2.0 * math.pi)
     assert told_pose(()) is None
     assert told_pose((Event(5, "command", "initial_pose", "nonsense"),)) is None
+
+
+def test_a_command_without_an_address_finds_the_rover_that_status_finds(monkeypatch: pytest.MonkeyPatch) -> None:
+    port = free_port()
+    monkeypatch.setattr("runtime.publish.find_rover.ENDPOINTS", (ELSEWHERE, f"tcp/127.0.0.1:{port}"))
+    with publishing(settings_on(port)) as publisher:
+        assert opened(publisher)
+        put_ticks(publisher, range(3), 0.0)  # what it answers is known from then on
+        with pytest.raises(SensorError, match=f"r1 at tcp/127.0.0.1:{port} does not answer .* is publish.commands on"):
+            of_rover.command(of_rover.CommandWord.save)
