@@ -41,7 +41,7 @@ FIGURES = (
     ("landmarks created", "", ("landmarks", "born")),
     ("landmarks removed", "", ("landmarks", "removed")),
     ("landmarks at the end", "", ("landmarks", "at_end")),
-    ("landmarks in the map", "", ("landmarks", "confirmed")),
+    ("landmarks in the map", "", ("landmarks", "published")),
 )
 """Label, unit and place of each figure in report.json."""
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from drivers.measurements import FloatArray
 from runtime.live.timekeeping import Durations
 from runtime.map_files.changes import map_changes
+from runtime.maps.draw import confirmed
 from runtime.report.events.repeated import repeated
 from runtime.report.events.states import state_times
 from runtime.report.facts import QUALITIES, RunFacts
@@ -66,15 +67,20 @@ def _health(facts: RunFacts) -> list[dict[str, Any]]:
 
 def _timing(facts: RunFacts) -> dict[str, Any]:
     ticks = facts.ticks
-    lateness = Durations.of(ticks.lateness_ms)
     rate_hz = (ticks.times_s.size - 1) / facts.duration_s if facts.duration_s > 0.0 else None
     return {
         "ticks": int(ticks.times_s.size),
         "missed": int(ticks.missed.sum()),
         "rate_hz": None if rate_hz is None else round(rate_hz, 3),
-        "lateness_ms": lateness.spread() if len(lateness) else None,
-        "stages_ms": {name: spread(values) for name, values in ticks.stages_ms.items()},
+        "lateness_ms": _durations(ticks.lateness_ms),
+        "stages_ms": {name: _durations(values) for name, values in ticks.stages_ms.items()},
     }
+
+
+def _durations(durations_ms: NDArray[np.float64]) -> dict[str, float] | None:
+    """As the run itself gave them at its end; None where nothing was recorded."""
+    durations = Durations.of(durations_ms)
+    return durations.spread() if len(durations) else None
 
 
 def _sensors(facts: RunFacts) -> dict[str, Any]:
@@ -113,7 +119,8 @@ def _landmarks(facts: RunFacts) -> dict[str, Any]:
         "born": int(np.nansum(counts.get("created", np.zeros(1)))),
         "removed": int(np.nansum(counts.get("removed", np.zeros(1)))),
         "at_end": int(known[-1]) if known.size else 0,
-        "confirmed": 0 if facts.landmarks is None else len(facts.landmarks.identities),
+        "published": 0 if facts.landmarks is None else len(facts.landmarks.identities),
+        "confirmed": len(confirmed(facts.landmarks).identities),  # as `infant map draw` counts them
     }
 
 

@@ -112,10 +112,13 @@ def test_the_page_of_a_review_shows_the_figures_that_the_console_has_shown(
     page = json.loads(infant("review", driven[0], *words).stdout)
     assert (page["timing"]["ticks"], page["timing"]["missed"]) == (summary["ticks"], summary["missed"])
     assert page["timing"]["lateness_ms"] == summary["lateness_ms"]
+    assert page["timing"]["stages_ms"] == summary["stages_ms"]
     assert page["timing"]["rate_hz"] == pytest.approx(summary["rate_hz"], abs=1e-3)
     assert page["landmarks"]["at_end"] == summary["landmarks"]
     for name, of_the_run in (("rms_m", "slam_rms_m"), ("odometry_rms_m", "odometry_rms_m"), ("max_m", "slam_max_m")):
         assert f"{page['accuracy'][name]:.3f}" == f"{summary[of_the_run]:.3f}", name
+    drawn = json.loads(infant("map", "draw", driven[0], "--out", tmp_path / "map", "--json").stdout)
+    assert page["landmarks"]["confirmed"] == drawn["landmarks"] <= page["landmarks"]["published"]
     assert f"<b>{summary['landmarks']}</b><span>landmarks</span>" in (tmp_path / "report.html").read_text()
 
 
