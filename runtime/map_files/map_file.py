@@ -58,6 +58,7 @@ LARGEST: dict[str, float] = {
     "view_poses": 1e6,
 }
 """Magnitudes that no drive reaches: beyond them squares overflow."""
+LEAST_VARIANCE_M2 = 1e-13  # that a landmark may have left; the filter leaves ten times as much (slam/joint/window.py)
 FAR = 1 << 60  # of numbers of landmarks and scans
 
 
@@ -219,6 +220,25 @@ def _decode_joint(header: dict[str, Any], counts: Mapping[str, int], payload: me
             raise ValueError(f"a number of {name} is beyond {most:g}")
     if not (0 <= joint.scans < FAR >> 12 and ((joint.identities >= 0) & (joint.identities < FAR)).all()):
         raise ValueError("a landmark or the number of scans is counted beyond all drives")
+    hangs = joint.parents.max(axis=1, initial=ORPHAN) >= 0
+    left = np.where(hangs[:, None, None], joint.residuals, joint.covariances_m2)[joint.in_state :]
+    if not (_least_variances(left) >= LEAST_VARIANCE_M2).all() or not (_least_variances(_own(joint)) >= 0.0).all():
+        raise ValueError("a covariance in it is none")
     if len(np.unique(joint.identities)) != len(joint):
         raise ValueError("two of its landmarks have the same name")
     return joint
+
+
+def _own(joint: JointMap) -> FloatArray:
+    """(S, 2, 2) covariances of the landmarks in the joint one."""
+    blocks = joint.block_m2.reshape(joint.in_state, 2, joint.in_state, 2)
+    numbers = np.arange(joint.in_state)
+    return blocks[numbers, :, numbers, :]
+
+
+def _least_variances(covariances_m2: FloatArray) -> FloatArray:
+    """(n,) the smaller variance of each (n, 2, 2), -1 where a covariance is none."""
+    first, second, cross = covariances_m2[:, 0, 0], covariances_m2[:, 1, 1], covariances_m2[:, 0, 1]
+    are_some = np.abs(cross) <= (1.0 + 1e-9) * np.sqrt(np.maximum(first, 0.0) * np.maximum(second, 0.0))
+    least: FloatArray = np.where(are_some, np.minimum(first, second), -1.0)
+    return least

@@ -73,6 +73,25 @@ def test_facts_that_are_no_text_are_refused(facts: dict[str, Any]) -> None:
         decode_map(encode_map(small_map(), replace(FACTS, **facts)), "hall.map")
 
 
+def test_what_no_covariance_can_be_is_refused() -> None:
+    """Landmarks known exactly beside others: every step of the filter raised, and what it fell back on as well."""
+    whole = small_map()
+    orphans = replace(
+        whole, parents=np.full_like(whole.parents, -1), covariances_m2=np.zeros_like(whole.covariances_m2)
+    )
+    mixed = whole.block_m2.copy()
+    mixed[0, 1] = mixed[1, 0] = 2.0 * np.sqrt(mixed[0, 0] * mixed[1, 1])
+    for spoilt in (
+        replace(whole, residuals=np.full_like(whole.residuals, 5e-324)),
+        replace(whole, residuals=-whole.residuals),
+        orphans,
+        replace(whole, block_m2=-whole.block_m2),
+        replace(whole, block_m2=mixed),
+    ):
+        with pytest.raises(NotAMapError, match="a covariance in it is none"):
+            decode_map(encode_map(spoilt, FACTS), "hall.map")
+
+
 @pytest.mark.parametrize(
     ("key", "joint"),
     [("landmarks", small_map(60)), ("in_state", small_map(60, 30)), ("views", small_map(8))],
