@@ -51,6 +51,8 @@ def verify(run: Run, as_json: AsJson = False) -> None:
             for sentence in sentences:
                 say(f"{kind:9s} {sentence}")
         say(f"read      {found.ticks} ticks in {found.segments} segment(s), {len(found.gaps)} gap(s)")
+        if not found.damages and not found.gaps:
+            say("intact    every byte is as it was written")
     if found.damages:
         raise StorageError(
             f"{run} differs from what was written ({len(found.damages)} finding(s)); infant log recover "

@@ -1,5 +1,6 @@
 """Commands on a recorded run: replay, import, evaluate, smooth, review, compare, view, export."""
 
+import os
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -229,10 +230,11 @@ def _view_live(
 
     if screenshot is not None:
         raise UsageError("--screenshot works for a recorded run; leave out --live")
+    os.environ.setdefault("RUST_LOG", "off")  # rerun calls it an error that the viewer is closed while it is drawn into
     with needs("rerun", "infant view --live"):
         from runtime.live_view.view import view_live
     file = None if zenoh_file is None else str(zenoh_file)
-    code = view_live(connect, rover, file, web, stop_on_signals())
+    code = view_live(connect, rover, file, web, stop_on_signals(), lambda line: say(f"infant: {line}", err=True))
     if as_json:
         say_json({"rover": rover, "viewer_exit_code": code})
 

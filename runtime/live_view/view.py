@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from runtime.errors import ConfigurationError
+from runtime.errors import ConfigurationError, StorageError
 from runtime.live_view.ticks import HEARD, LiveTicks, path_of
 from runtime.publish.find_rover import FoundRover, find_rover
 from runtime.publish.follow import Follower, Message, following
@@ -24,18 +24,28 @@ MAP_S = 1.0  # from one question for the landmarks to the next
 READY_S = 30.0
 
 
-def view_live(connect: str | None, rover: str | None, config_file: str | None, web: bool, stop: threading.Event) -> int:
+def view_live(
+    connect: str | None,
+    rover: str | None,
+    config_file: str | None,
+    web: bool,
+    stop: threading.Event,
+    tell: Callable[[str], None],
+) -> int:
     """Until the viewer is closed or `stop`; returns the viewer's exit code, 0 where it was ended from here.
 
+    tell: told what is shown, and with `web` where. The viewer's own words of that are left out.
     Raises SensorError where no rover answers, UsageError, ConfigurationError where there is no viewer.
     """
     found = find_rover(connect, rover, config_file)
-    port = free_port()
+    port, web_port = free_port(), free_port()
     command = [viewer_path(), "--bind", LOOPBACK, "--port", str(port)]
-    command += ["--web-viewer", "--web-viewer-port", str(free_port())] if web else []
-    viewer = subprocess.Popen(command, env=viewer_environment())
+    command += ["--web-viewer", "--web-viewer-port", str(web_port)] if web else []
+    viewer = subprocess.Popen(command, env={**viewer_environment(), "RUST_LOG": "error"})
     try:
         _await(port, viewer)
+        page = f"http://{LOOPBACK}:{web_port}?url=rerun%2Bhttp%3A%2F%2F{LOOPBACK}%3A{port}%2Fproxy"
+        tell(f"{found.name} is shown at {page}; Ctrl-C ends" if web else f"{found.name} is shown; Ctrl-C ends")
         draw_live(found, config_file, f"rerun+http://{LOOPBACK}:{port}/proxy", lambda: viewer.poll() is None, stop)
         return viewer.poll() or 0
     finally:
@@ -51,8 +61,7 @@ def draw_live(
     with following(rover, HEARD, config_file) as follower:
         while is_open() and not stop.is_set():
             if follower.has_come():
-                if writer is not None:
-                    writer.close()
+                _close(writer)
                 writer, ticks = _begin(follower, url), LiveTicks(rover.name)
             message = follower.next(WAKE_S)
             assembled = None if message is None else ticks.take(message)
@@ -63,9 +72,15 @@ def draw_live(
             if time.monotonic() >= next_map_s:
                 next_map_s = time.monotonic() + MAP_S
                 ticks.take(Message("map", follower.ask("map", LARGEST_ANSWER) or b"{}"))
-        if writer is not None:
-            writer.close()
+        _close(writer)
     return drawn
+
+
+def _close(writer: ReviewWriter | None) -> None:
+    """A viewer that has been closed, by Ctrl-C for example, takes no more; nothing is lost by that."""
+    if writer is not None:
+        with suppress(StorageError):
+            writer.close()
 
 
 def _begin(follower: Follower, url: str) -> ReviewWriter:

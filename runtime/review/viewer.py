@@ -22,7 +22,9 @@ READY_S = 60.0
 POLL_S = 0.5
 TOP_BAR_PX = 36
 SETTLE_S = 2.0  # after the last change of time: textures and plots are drawn over a few frames
-NO_VULKAN = "the viewer has no graphics driver; apt-get install mesa-vulkan-drivers draws without a graphics card"
+NO_VULKAN = (
+    "the viewer has no graphics driver; install one that needs no graphics card: apt-get install mesa-vulkan-drivers"
+)
 
 
 def review_paths(folder: RunFolder, progress: Callable[[float], None] | None = None) -> list[Path]:

@@ -40,6 +40,7 @@ def test_a_whole_run_verifies_with_exit_code_zero(run: RunFolder) -> None:
     result = infant("log", "verify", run.path)
     assert result.exit_code == 0
     assert "40 ticks in 4 segment(s), 0 gap(s)" in result.stdout
+    assert result.stdout.endswith("intact    every byte is as it was written\n")
 
 
 def test_damage_is_an_error_of_storage_that_names_the_segment(run: RunFolder) -> None:
@@ -59,6 +60,7 @@ def test_a_run_being_recorded_is_not_called_damaged(tmp_path: Path) -> None:
     result = infant("log", "verify", tmp_path / "run")
     assert result.exit_code == 0
     assert "still being recorded" in result.stdout
+    assert "intact" not in result.stdout
     assert "open" in infant("log", "info", tmp_path / "run").stdout
 
 

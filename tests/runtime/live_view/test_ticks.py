@@ -2,7 +2,9 @@
 
 import json
 import threading
+from contextlib import nullcontext
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -10,11 +12,13 @@ from typer.testing import CliRunner
 
 from drivers.measurements import Scan
 from runtime.cli.__main__ import app
-from runtime.errors import UsageError
+from runtime.errors import StorageError, UsageError
+from runtime.live_view import view
 from runtime.live_view.ticks import HEARD, LiveTicks, path_of
-from runtime.live_view.view import view_live
+from runtime.live_view.view import draw_live, view_live
 from runtime.messages.definitions import deserialize, serialize
 from runtime.messages.map_json import landmark_json
+from runtime.publish.find_rover import FoundRover
 from runtime.publish.follow import Message
 from runtime.publish.messages import event_json
 from runtime.review.ticks import AssembledTick
@@ -120,7 +124,34 @@ def test_words_that_do_not_fit_together_and_nobody_there_are_one_sentence() -> N
         assert isinstance(error, UsageError)
         assert text in str(error)
     with pytest.raises(Exception, match="no rover answers"):
-        view_live("tcp/127.0.0.1:1", None, None, False, threading.Event())
+        view_live("tcp/127.0.0.1:1", None, None, False, threading.Event(), print)
+
+
+def test_who_serves_a_rover_to_a_browser_is_told_where_and_not_what_the_viewer_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    viewer = Mock(**{"return_value.poll.return_value": 0})
+    monkeypatch.setattr(view, "find_rover", lambda *_: FoundRover("r1", "tcp/127.0.0.1:1"))
+    monkeypatch.setattr("subprocess.Popen", viewer)
+    for name in ("_await", "draw_live"):
+        monkeypatch.setattr(view, name, Mock())
+    told: list[str] = []
+    assert view_live(None, None, None, True, threading.Event(), told.append) == 0
+    (command,), kept = viewer.call_args
+    port = command[command.index("--web-viewer-port") + 1]
+    assert told[0].startswith(f"r1 is shown at http://127.0.0.1:{port}?url=rerun")
+    assert kept["env"]["RUST_LOG"] == "error"
+
+
+def test_a_viewer_that_was_closed_is_no_error_of_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    writer = Mock(**{"close.side_effect": StorageError("live is incomplete; free space and draw it again")})
+    follower = Mock(**{"has_come.return_value": True, "next.return_value": None})
+    monkeypatch.setattr(view, "following", lambda *_: nullcontext(follower))
+    monkeypatch.setattr(view, "_begin", lambda *_: writer)
+    still_open = iter((True, False))
+    drawn = draw_live(FoundRover("r1", "tcp/127.0.0.1:1"), None, "", lambda: next(still_open), threading.Event())
+    assert drawn == 0
+    writer.close.assert_called_once()
 
 
 def test_json_of_the_map_is_what_the_rover_answers() -> None:
