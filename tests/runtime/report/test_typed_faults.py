@@ -1,10 +1,12 @@
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from drivers.measurements import Severity
 from runtime.report.finding import Finding
+from tests.support.runtime import typed_trials
 from tests.support.runtime.typed_trials import BY_NAME, HEAD, TRIALS, answer, judged, row
 
 
@@ -42,3 +44,13 @@ def test_a_fault_that_does_no_harm_may_be_left_out() -> None:
     twice = BY_NAME["wheels duplicate"]
     assert judged(twice, 0, []).right
     assert not judged(twice, 0, [_finding("wheel_jump", "The count of the left wheel jumped", "a restart")]).right
+
+
+def test_a_trial_that_could_not_be_driven_counts_as_wrong_and_ends_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failing = Mock(side_effect=RuntimeError("infant run ended before its first line of ticks: "))
+    monkeypatch.setattr(typed_trials, "drive", failing)
+    found = answer("wheels silence", 0, tmp_path)
+    assert (found.kind, found.right) == ("not driven", False)
+    assert "before its first line" in row("wheels silence", [found])

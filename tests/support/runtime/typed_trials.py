@@ -177,9 +177,11 @@ def drive(typed: Typed, trial: int, folder: Path) -> Path:
                 text=True,
             ) as driving:
                 assert driving.stderr is not None
+                words = ""
                 while not (line := driving.stderr.readline()).startswith("tick"):  # the first, 10 s after the start
                     if not line:
-                        raise RuntimeError(f"{typed.name}: infant run ended by itself")
+                        raise RuntimeError(f"infant run ended before its first line of ticks: {words.strip()}")
+                    words = line
                 sim.stdin.write(typed.line(trial) + "\n")
                 sim.stdin.flush()
                 driving.stderr.read()
@@ -199,7 +201,12 @@ def answer(name: str, trial: int, kept: Path | None = None) -> Answer:
         folder.mkdir(parents=True, exist_ok=True)
         run = folder / "run"
         if not run.exists():  # of an earlier call: only judged again
-            run = drive(typed, trial, folder)
+            try:
+                run = drive(typed, trial, folder)
+            except (
+                RuntimeError
+            ) as error:  # of a machine that is too busy; the other trials of the hour are worth having
+                return Answer(typed.line(trial), "not driven", str(error), False)
         return judged(typed, trial, examine(run).findings)
 
 
