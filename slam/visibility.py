@@ -18,6 +18,10 @@ SIGHTING_SHARE = 0.9  # of the farthest sighting: what stands so near is in reac
 SIGHTING_EDGE_RAD = math.radians(5.0)  # inside the outermost sighting
 FIRST_LOOKS, FIRST_FINDS = 40.0, 30.0  # what is presumed of a sensor that reports things
 MOST_LOOKS = 500.0  # its memory
+OPEN_SHARE = (
+    0.1  # of the beams without return: 5 % are lost on what is dark or shines, and most of more are in the open
+)
+SLOWEST_GAIN = 0.02  # of that share: its memory is 50 scans
 CHANCE = 0.1  # that a landmark seems to be found where none stands
 
 
@@ -75,11 +79,13 @@ def in_clear_view(
     last = math.ceil((bearing + half_width - sight.first_bearing_rad) / sight.step_rad)
     if first < 0 or last >= beams:
         return False
+    beyond_m, empty = distance + tuning.sight_margin_m, 0
     for beam in range(first, last + 1):
-        measured = sight.no_return_m if math.isnan(sight.ranges_m[beam]) else sight.ranges_m[beam]
-        if measured < distance + tuning.sight_margin_m:
+        if math.isnan(sight.ranges_m[beam]):
+            empty += 1
+        elif sight.ranges_m[beam] < beyond_m:
             return False
-    return True
+    return sight.no_return_m >= beyond_m or 2 * empty <= last + 1 - first
 
 
 @leaf
@@ -111,10 +117,11 @@ def sensor_pose(pose: FloatArray, mount: FloatArray) -> tuple[float, float, floa
     )
 
 
-def sight_line(scan: Scan, range_min_m: float = 0.0) -> SightLine:
+def sight_line(scan: Scan, range_min_m: float = 0.0, *, is_open: bool = True) -> SightLine:
     """How far the beams of a scan looked; BLIND where the bearings do not increase.
 
-    range_min_m: a nearer return is a cover on the lens or the vehicle itself.
+    range_min_m: a nearer return is a cover on the lens or the vehicle itself. is_open: a beam without return met
+    nothing within the laser's range; between walls it met something dark, or a window.
     """
     if scan.ranges_m.size < 2:
         return BLIND
@@ -124,7 +131,8 @@ def sight_line(scan: Scan, range_min_m: float = 0.0) -> SightLine:
         return BLIND
     ranges = scan.ranges_m.astype(np.float64)
     ranges[ranges < range_min_m] = 0.0
-    return SightLine(float(bearings[0]), step, float(scan.range_max_m), ranges, MISSED_SPACING_M / step)
+    no_return_m = float(scan.range_max_m) if is_open else 0.0
+    return SightLine(float(bearings[0]), step, no_return_m, ranges, MISSED_SPACING_M / step)
 
 
 def field_of_view(reach_m: float, half_rad: float, certainty: float = 1.0) -> SightLine:
@@ -140,11 +148,15 @@ class SensorView:
         self._range_min_m = range_min_m
         self._reach_m = self._half_rad = 0.0
         self._looks, self._finds = FIRST_LOOKS, FIRST_FINDS
+        self._scans, self._empty_share = 0, 0.0
 
     def of(self, scan: ScanLike, rows: FeatureRows) -> SightLine:
         """How far this scan looked; rows: its features."""
         if isinstance(scan, Scan):
-            return sight_line(scan, self._range_min_m)
+            self._scans += 1
+            gain = max(1.0 / self._scans, SLOWEST_GAIN)
+            self._empty_share += gain * (float(np.isnan(scan.ranges_m).mean()) - self._empty_share)
+            return sight_line(scan, self._range_min_m, is_open=self._empty_share > OPEN_SHARE)
         self._reach_m = max(self._reach_m, float(rows.ranges_m.max(initial=0.0)))
         self._half_rad = max(self._half_rad, float(np.abs(rows.bearings_rad).max(initial=0.0)))
         rate = self._finds / self._looks
@@ -159,4 +171,6 @@ class SensorView:
 
     def state_bytes(self) -> bytes:
         """What the next scan's sight depends on, for a hash."""
-        return struct.pack("<dddd", self._reach_m, self._half_rad, self._looks, self._finds)
+        return struct.pack(
+            "<5dq", self._reach_m, self._half_rad, self._looks, self._finds, self._empty_share, self._scans
+        )

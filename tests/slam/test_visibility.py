@@ -1,6 +1,7 @@
 """Where a sensor looked: its beams say it, or what it has reported."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -46,6 +47,32 @@ def test_a_landmark_outside_the_beams_is_not_missed() -> None:
 def test_beams_that_do_not_increase_look_nowhere() -> None:
     folded = Scan(0, np.full(3, 5.0, np.float32), np.array((0.5, 0.0, -0.5)), 0.0)
     assert sight_line(folded) is BLIND
+
+
+def room_scan(empty_beams: int, dark_beams: int) -> Scan:
+    """Walls at 12 m and nothing in the first beams; a chair at 2 m, and beams that its dark part has swallowed."""
+    ranges = np.full(361, 12.0, np.float32)
+    ranges[:empty_beams] = np.nan
+    ranges[170:180] = 2.0
+    ranges[180 : 180 + dark_beams] = np.nan
+    return Scan(0, ranges, uniform_bearings(-0.5 * math.pi, math.radians(0.5), 361), 0.0, 0, 80.0)
+
+
+@pytest.mark.parametrize(("empty_beams", "is_open"), [(0, False), (120, True)])
+def test_what_swallows_beams_between_walls_hides_what_lies_behind_it(empty_beams: int, is_open: bool) -> None:
+    view = SensorView(0.1)
+    for _ in range(3):
+        sight = view.of(room_scan(empty_beams, 20), NO_FEATURES)
+    behind = math.radians(5.0)
+    assert is_missed(8.0 * math.cos(behind), 8.0 * math.sin(behind), sight) == is_open
+    beside = math.radians(40.0)
+    assert is_missed(8.0 * math.cos(beside), 8.0 * math.sin(beside), sight), "a return from behind says so"
+
+
+def test_single_beams_that_are_lost_between_walls_hide_nothing() -> None:
+    view, scan = SensorView(0.1), room_scan(0, 0)
+    scan = replace(scan, ranges_m=np.where(np.arange(361) % 20 == 0, np.nan, scan.ranges_m).astype(np.float32))
+    assert is_missed(8.0 * math.cos(0.6), 8.0 * math.sin(0.6), view.of(scan, NO_FEATURES))
 
 
 def reports(*points: tuple[float, float]) -> FeatureRows:
