@@ -18,7 +18,7 @@ from drivers.measurements import (
 from slam.front_end.alignment_kernels import EarlierScans, surface_normals
 from slam.front_end.alignment_search import Search
 from slam.front_end.wide_search import View, WideSearch
-from slam.joint.association import apply_hypothesis, seen_from_afar
+from slam.joint.association import apply_hypothesis, expected_within
 from slam.joint.gaussian import JointGaussian
 from slam.joint.measurement import FIRST_PLACE, JointArrays
 from slam.observations import FeatureRows, Features, Sighting, usable_rows
@@ -146,6 +146,6 @@ def warm_up_wide_search() -> None:
     search = Search(points, EarlierScans(points[None], normals[None], start, -1.5, 0.03))
     view = View(points, -1.5, 0.03)
     WideSearch(search, view, view, Pose2()).best(np.array((0.5, 0.0, 0.0)))
-    seen_from_afar(
+    expected_within(
         JointArrays(np.zeros(FIRST_PLACE), np.eye(FIRST_PLACE), FIRST_PLACE, np.zeros(3)), np.zeros(0, np.int64)
     )

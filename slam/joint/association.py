@@ -16,8 +16,6 @@ from slam.joint.measurement import FIRST_PLACE, JointArrays, fold, innovation_co
 from slam.observations import AMBIGUOUS, EXCLUDED, NEW, PENDING, UNLICENSED, FeatureRows, Sighting
 from slam.visibility import sighting_of
 
-APART_M = 0.5  # sigma of where a landmark should be seen; door frames stand a metre apart
-
 
 class Gates(NamedTuple):
     """Squared Mahalanobis distances; nearest landmark d: match up to clip(base + per_metre d, base, widest).
@@ -108,17 +106,15 @@ def associate(
 
 
 @kernel
-def seen_from_afar(joint: JointArrays, places: IntArray) -> BoolArray:
-    """(k,) landmarks at places (k,) from which the pose is known to less than corners lie apart: one of them is within
-    the gate wherever the rover stands.
-    """
-    wide = np.zeros(places.size, dtype=np.bool_)
+def expected_within(joint: JointArrays, places: IntArray) -> FloatArray:
+    """(k,) sigma m of where the landmarks at places (k,) should be seen, by the pose and the landmarks alone."""
+    sigma_m = np.zeros(places.size)
     for index in range(places.size):
         at = places[index]
         slope = slopes(joint.mean, joint.mount, joint.mean[at], joint.mean[at + 1])
         rr, _, bb = innovation_covariance(joint.covariance, at, slope)
-        wide[index] = rr + slope.range_m * slope.range_m * bb > APART_M * APART_M
-    return wide
+        sigma_m[index] = math.sqrt(max(rr + slope.range_m * slope.range_m * bb, 0.0))
+    return sigma_m
 
 
 @kernel

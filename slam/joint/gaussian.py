@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.estimate import LandmarkMap
-from slam.joint.association import Gates, associate_by_hint, seen_from_afar
+from slam.joint.association import Gates, associate_by_hint
 from slam.joint.atlas import AWAY
 from slam.joint.evidence import (
     CONFIDENT,
@@ -235,8 +235,7 @@ class JointGaussian:
             per_metre = tuning.match_per_metre_square if tuning.density else 0.0
             gates = Gates(tuning.match_square, per_metre, MATCH_WIDEST_SQUARE, CREATE_SQUARE, SLIP_SQUARE)
             old = self._settled(places, self.scans - SETTLED_SCANS)
-            barred = seen_from_afar(self._arrays, places) & laid
-            return associate_with_slip(self._arrays, places, self._landmark_places(), old, barred, features, gates)
+            return associate_with_slip(self._arrays, places, self._landmark_places(), old, laid, features, gates)
         mean, covariance = block(state.mean, state.covariance, places)
         gate = tuning.match_known_square if reported else MATCH_WIDEST_SQUARE
         hints = features.identities if reported else hints

@@ -7,7 +7,7 @@ feature is inside one, and a filter that believes it has lost its heading.
 import numpy as np
 
 from drivers.measurements import BoolArray, IntArray
-from slam.joint.association import Gates, apply_hypothesis, associate, nearest_old
+from slam.joint.association import Gates, apply_hypothesis, associate, expected_within, nearest_old
 from slam.joint.measurement import JointArrays
 from slam.joint.neighbours import block, neighbour_distances
 from slam.observations import AMBIGUOUS, FeatureRows
@@ -15,6 +15,8 @@ from slam.visibility import sighting_of
 
 LEAST_AGREEING = 4  # old landmarks that a hypothetical slip must explain
 MOST_HYPOTHESES = 8  # at most, in one scan
+APART_M = 0.5  # sigma of where a landmark should be seen; door frames stand a metre apart
+ALONE_M = 0.1  # the same, from which on one landmark is not believed alone
 BELIEVED = 4  # at least one in so many of the features that look like an old landmark
 
 
@@ -23,25 +25,30 @@ def associate_with_slip(
     places: IntArray,
     others: IntArray,
     old: BoolArray,
-    barred: BoolArray,
+    laid: bool,
     features: FeatureRows,
     gates: Gates,
 ) -> IntArray:
     """Numbers of the landmarks among places (k,), or verdicts, of the features as seen from the predicted pose.
 
-    others (l,): places of all landmarks of the state. barred (k,): landmarks that may not be found, though none is
-    created where they are. old (k,): landmarks that have stood for long; features that may
-    be theirs are looked at first, nearest first, so that no walker moves the pose before they do. Where most of what
+    others (l,): places of all landmarks of the state. old (k,): landmarks that have stood for long; features that may
+    be theirs are looked at first, nearest first, so that no walker moves the pose before they do. laid: the scan was
+    laid onto others, so that no landmark need be found: one that may be seen anywhere between its neighbours is not,
+    and one that would move the pose far is only with a second one. Where most of what
     lies within gates.slip of an old landmark finds none, each of the likeliest pairs is taken for true in turn, and the
     one with which most old landmarks are found is kept. Where that is still few, they match by chance, as with a
     blinded laser or a kidnapped rover: then nothing is believed.
     """
     mean, covariance, _, mount = joint
     apart = neighbour_distances(mean, places, others)
+    sigma_m = expected_within(joint, places)
+    barred, alone = laid & (sigma_m > APART_M), laid & (sigma_m > ALONE_M)
     best, squares = nearest_old(joint, places, old, features, gates.slip)
     features = features._replace(order=np.lexsort((features.ranges_m, squares > gates.match_widest)))
     chosen = np.empty_like(best)
     associate(*block(mean, covariance, places), mount, apart, features, gates, barred, chosen)
+    if alone[chosen[chosen >= 0]].sum() == 1:
+        associate(*block(mean, covariance, places), mount, apart, features, gates, alone, chosen)
     likely, agreeing = int((best >= 0).sum()), _old_ones(chosen, old)
     if 2 * agreeing >= likely or likely < LEAST_AGREEING:
         return chosen
