@@ -91,7 +91,7 @@ def summarise(results: Sequence[Result]) -> dict[str, Any]:
     delays: dict[str, list[float | None]] = {}
     for result in results:
         if result["kind"]:
-            delays.setdefault(result["kind"], []).append(detected_after_s(result, defaults))
+            delays.setdefault(result["kind"], []).append(noticed_after_s(result, defaults))
     false, true = alarms(results, defaults)
     hours = driven_h(results)
     return {
@@ -124,6 +124,12 @@ def detected_after_s(result: Result, settings: QualitySettings) -> float | None:
         if row[0] >= result["at_s"] and quality is Quality.LOST:
             return float(row[0] - result["at_s"])
     return None
+
+
+def noticed_after_s(result: Result, settings: QualitySettings) -> float | None:
+    """From the mishap until the pose says lost, or is right: one that is put down nearby may not even lose its way."""
+    after_s = [detected_after_s(result, settings), found_back_s(result) if result["kind"] in KIDNAPPED else None]
+    return min((delay for delay in after_s if delay is not None), default=None)
 
 
 def found_back_s(result: Result) -> float | None:

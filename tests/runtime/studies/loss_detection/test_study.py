@@ -17,6 +17,7 @@ from runtime.studies.loss_detection.study import (
     detected_after_s,
     drive_rows,
     found_back_s,
+    noticed_after_s,
     point_row,
     study_jobs,
     summarise,
@@ -60,6 +61,13 @@ def test_back_is_where_the_pose_is_right_from_then_on() -> None:
     assert found_back_s(drive([5.0, 5.0, 0.05, 3.0, 0.05, 0.02])) == pytest.approx(0.4)
     assert found_back_s(drive([5.0, 0.05, 0.3])) is None
     assert found_back_s(drive([0.05, 0.02])) == 0.0
+
+
+def test_a_rover_that_is_right_again_at_once_need_not_say_that_it_is_lost(results: list[Result]) -> None:
+    unaware = QualitySettings(lost_score=1e6, lost_blind_s=900.0)
+    kidnapped, silent, _ = results
+    assert noticed_after_s(kidnapped, unaware) == found_back_s(kidnapped)
+    assert noticed_after_s(silent, unaware) is None
 
 
 def test_the_study_has_as_many_drives_of_each_sort_as_it_was_asked_for() -> None:
