@@ -173,7 +173,7 @@ class Estimator:
                 self._keyframes.keep(laid)
         if laid is not None and self._quality.doubts(evidence):
             lies = self._keyframes.lies_on(laid, self._quality.settled_before)
-        self._quality.add(scan.stamp_ns, evidence, seen_share, lies_on_map=lies)
+        self._quality.add(scan.stamp_ns, evidence, seen_share, lies_on_map=lies, rolling_s=by_wheels.rolling_s)
         self._mark("joint")
 
         # the way back, where the pose is in doubt or a place may be known
@@ -238,7 +238,7 @@ class Estimator:
         since = self._odometry.predicted(stamp_ns)
         moved = since.as_pose()
         grown = compound(pose, covariance, since)
-        judgement = self._relocaliser.judged(self._quality.judge(stamp_ns, grown, gap_m))
+        judgement = self._relocaliser.judged(self._quality.judge(stamp_ns, grown, gap_m, since.rolling_s))
         return Estimate(
             stamp_ns=stamp_ns,
             map_from_body=pose @ moved,

@@ -61,6 +61,7 @@ class QualityMonitor:
         self._scans = self._trusted_scans = scans
         self._blind_scans = 0
         self._supported_ns: int | None = None
+        self._blind_rolling_s = 0.0
         self._scanned_ns: int | None = None
         self._usual_gap_s = 0.0
         self._evidence = Evidence()
@@ -85,7 +86,8 @@ class QualityMonitor:
         """The pose was recognised: doubts about the one before are none about it."""
         self._score, self._lost, self._square = 0.0, False, CONSISTENT
         self._known = self._found = 0.0
-        self._trusted_scans, self._blind_scans, self._supported_ns = self._scans, 0, stamp_ns
+        self._trusted_scans = self._scans
+        self._support(stamp_ns)
 
     @property
     def score(self) -> float:
@@ -119,13 +121,21 @@ class QualityMonitor:
         return self._score + evidence.against > 0.0
 
     def add(
-        self, stamp_ns: int, evidence: Evidence, seen_before_share: float | None = None, *, lies_on_map: bool = False
+        self,
+        stamp_ns: int,
+        evidence: Evidence,
+        seen_before_share: float | None = None,
+        *,
+        lies_on_map: bool = False,
+        rolling_s: float = math.inf,
     ) -> None:
         """What one scan said. seen_before_share: of the beams that could be compared with earlier scans, how many saw
         the same; None where none could. lies_on_map: as a whole it lies on the map where the pose says, and then what
-        is missed is wrong in the map.
+        is missed is wrong in the map. rolling_s: for how long the wheels turned since the scan before; inf: unknown.
         """
         settings = self._settings
+        since_s = 0.0 if self._scanned_ns is None else (stamp_ns - self._scanned_ns) * 1e-9
+        self._blind_rolling_s += min(rolling_s, since_s)
         self._scans += 1
         self._follow_gaps(stamp_ns)
         self._evidence, self._seen_before_share = evidence, seen_before_share
@@ -146,14 +156,16 @@ class QualityMonitor:
         else:
             supported = seen_before_share >= SEEN_BEFORE_SHARE
         if supported or lies_on_map:
-            self._supported_ns = stamp_ns
-            self._blind_scans = 0
+            self._support(stamp_ns)
             if self._score == 0.0:
                 self._trusted_scans = self._scans
         else:
             if not self._silence_is_blind and self._blind_scans == 0:
-                self._supported_ns = stamp_ns
+                self._support(stamp_ns)
             self._blind_scans += 1
+
+    def _support(self, stamp_ns: int) -> None:
+        self._supported_ns, self._blind_rolling_s, self._blind_scans = stamp_ns, 0.0, 0
 
     def _follow_gaps(self, stamp_ns: int) -> None:
         if self._scanned_ns is not None:
@@ -164,8 +176,10 @@ class QualityMonitor:
                 self._usual_gap_s *= GAP_STEP if gap_s > self._usual_gap_s else 1.0 / GAP_STEP
         self._scanned_ns = stamp_ns
 
-    def judge(self, stamp_ns: int, covariance: FloatArray, gap_m: float) -> Judgement:
-        """At stamp_ns, with the covariance (3, 3) and the distance between particles and joint Gaussian."""
+    def judge(self, stamp_ns: int, covariance: FloatArray, gap_m: float, rolling_s: float = math.inf) -> Judgement:
+        """At stamp_ns, with the covariance (3, 3) and the distance between particles and joint Gaussian. rolling_s: for
+        how long the wheels turned since the last scan: a rover that stands is where it was, whatever it sees.
+        """
         settings, evidence = self._settings, self._evidence
         if self._supported_ns is None:
             self._supported_ns = stamp_ns
@@ -177,7 +191,7 @@ class QualityMonitor:
         wide = f"the position is not known well enough: sigma {deviation_m:.1f} m"
         if self._lost:
             return Judgement(Quality.LOST, against)
-        if blind_s > max(settings.lost_blind_s, LOST_GAPS * gap_s):
+        if self._blind_rolling(stamp_ns, rolling_s) > max(settings.lost_blind_s, LOST_GAPS * gap_s):
             return Judgement(Quality.LOST, blind)
         if deviation_m > LOST_M:
             return Judgement(Quality.LOST, wide)
@@ -208,9 +222,16 @@ class QualityMonitor:
         """What the next judgement depends on, for a hash."""
         supported = -1 if self._supported_ns is None else self._supported_ns
         scanned = -1 if self._scanned_ns is None else self._scanned_ns
-        sums = (self._score, self._square, self._known, self._found, self._usual_gap_s)
+        sums = (self._score, self._square, self._known, self._found, self._usual_gap_s, self._blind_rolling_s)
         counts = (self._scans, self._trusted_scans, self._blind_scans, supported, scanned)
-        return struct.pack("<ddddd?qqqqq", *sums, self._lost, *counts)
+        return struct.pack("<6d?5q", *sums, self._lost, *counts)
+
+    def _blind_rolling(self, stamp_ns: int, rolling_s: float) -> float:
+        """How much of the time since the last support the rover moved, or may have."""
+        since_ns = self._supported_ns if self._scanned_ns is None else self._scanned_ns
+        if since_ns is None or not self._silence_is_blind:
+            return self._blind_rolling_s
+        return self._blind_rolling_s + min(rolling_s, (stamp_ns - since_ns) * 1e-9)
 
     def _blind_s(self, stamp_ns: int) -> float:
         until_ns = stamp_ns if self._silence_is_blind else self._scanned_ns

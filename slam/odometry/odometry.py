@@ -31,6 +31,7 @@ class Increment:
 
     mean (3,): x m, y m, heading rad; covariance (3, 3); at_rest: the wheels say that nothing moved;
     speed_mps, lateral_mps, yaw_rate_radps: mean velocities; known: False if wheels were silent for a part of it.
+    rolling_s: for how long it moved, or may have.
     """
 
     mean: FloatArray
@@ -41,6 +42,7 @@ class Increment:
     speed_mps: float
     lateral_mps: float
     yaw_rate_radps: float
+    rolling_s: float
 
     def as_pose(self) -> Pose2:
         """before_from_after."""
@@ -60,6 +62,7 @@ class Travel:
     tracks: FloatArray
     counts: FloatArray
     moving_s: float = 0.0
+    rolling_s: float = 0.0
     forward_m: float = 0.0
     lateral_m: float = 0.0
     turn_rad: float = 0.0
@@ -184,6 +187,7 @@ class Odometry:
             travel.rounded = True
         accumulate(travel.mean, travel.covariance, travel.tracks, rows, self._model, self._geometries, self._weights)
         travel.moving_s += float(rows[:, 0].sum())
+        travel.rolling_s += float(rows[(distances != 0.0) | (turns != 0.0), 0].sum())
         travel.forward_m += float(distances.sum())
         travel.lateral_m += float(rows[:, 3].sum())
         travel.turn_rad += float(turns.sum())
@@ -207,16 +211,18 @@ class Odometry:
         constant = travel.tracks[1:] - travel.tracks[0]
         covariance = travel.covariance + constant.T @ constant
         duration = (stamp_ns - self._taken_ns) * 1e-9 if self._taken_ns is not None else 0.0
+        rests = self._rests(travel)
         per_second = 1.0 / travel.moving_s if travel.moving_s > 0.0 else 0.0
         return Increment(
             travel.mean.copy(),
             0.5 * (covariance + covariance.T),
-            self._rests(travel),
+            rests,
             travel.known,
             duration,
             travel.forward_m * per_second,
             travel.lateral_m * per_second,
             travel.turn_rad * per_second,
+            0.0 if rests else travel.rolling_s if travel.known else duration,
         )
 
     def _moves(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -29,6 +29,6 @@ class QualitySettings(BaseModel):
         default=2.0,
         ge=0.05,
         le=1000,
-        description="The same before the pose is lost, and never less than four times the usual gap. Choose the "
-        "longest stretch that the rover may drive on its wheels alone",
+        description="The same before the pose is lost, and never less than four times the usual gap; only time in "
+        "which the rover moves counts. Choose the longest stretch that it may drive on its wheels alone",
     )

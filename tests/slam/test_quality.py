@@ -107,6 +107,24 @@ def test_without_scans_the_pose_becomes_uncertain_and_then_lost() -> None:
     assert states == [Quality.TRACKING, Quality.UNCERTAIN, Quality.LOST]
 
 
+def test_a_rover_that_stands_is_not_lost_because_it_sees_nothing() -> None:
+    """Recordings leave out the scans of a robot that stands."""
+    monitor, now_ns = after(*[GOOD] * 20)
+    later_ns = now_ns + 200 * TICK_NS
+    standing, moved = (monitor.judge(later_ns, NARROW, 0.0, rolling_s).quality for rolling_s in (0.0, 2.5))
+    assert (standing, moved) == (Quality.UNCERTAIN, Quality.LOST)
+    assert monitor.judge(later_ns + TICK_NS, NARROW, 0.0, 0.1).quality is Quality.UNCERTAIN, "it has begun to move"
+    covered = replace(GOOD, found=0, against=0.0)
+    for _ in range(40):
+        now_ns += TICK_NS
+        monitor.add(now_ns, covered, 0.0, rolling_s=0.0)
+    assert monitor.judge(now_ns, NARROW, 0.0, 0.0).quality is Quality.UNCERTAIN
+    for _ in range(25):
+        now_ns += TICK_NS
+        monitor.add(now_ns, covered, 0.0, rolling_s=0.1)
+    assert monitor.judge(now_ns, NARROW, 0.0, 0.0).quality is Quality.LOST
+
+
 def test_a_sensor_that_reports_things_is_not_blind_while_it_reports_nothing() -> None:
     monitor, now_ns = QualityMonitor(QualitySettings(), silence_is_blind=False), 0
     for _ in range(20):

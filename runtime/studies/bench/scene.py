@@ -48,7 +48,7 @@ class Scene:
         moved = np.array((STEP_M, 0.0, TURN_RAD))
         self._pose = self._pose @ Pose2(*moved)
         covariance = np.diag((0.004**2, 0.001**2, 0.002**2))
-        increment = Increment(moved, covariance, False, True, 0.1, 0.5, 0.0, 0.05)
+        increment = Increment(moved, covariance, False, True, 0.1, 0.5, 0.0, 0.05, 0.1)
         return increment, self._look(self._observations, VIEW_RAD, VIEW_M)
 
     def step(self, increment: Increment, features: FeatureRows, sight: SightLine = SIGHT) -> None:
@@ -62,9 +62,9 @@ class Scene:
         for place in survey_stops(half_side_m):
             moved = (self._pose.inverse() @ place).as_array()
             self._pose = place
-            arriving = Increment(moved, np.eye(3) * 1e-12, False, True, 0.1, 0.0, 0.0, 0.0)
+            arriving = Increment(moved, np.eye(3) * 1e-12, False, True, 0.1, 0.0, 0.0, 0.0, 0.1)
             self.step(arriving, self._look(everything, math.pi, SURVEY_M), BLIND)
-            standing = Increment(np.zeros(3), np.zeros((3, 3)), True, True, 0.1, 0.0, 0.0, 0.0)
+            standing = Increment(np.zeros(3), np.zeros((3, 3)), True, True, 0.1, 0.0, 0.0, 0.0, 0.0)
             for _ in range(STANDING):
                 self.step(standing, self._look(everything, math.pi, SURVEY_M), BLIND)
             before = math.inf

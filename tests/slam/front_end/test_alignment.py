@@ -29,8 +29,10 @@ WHEELS = OdometrySettings(
     heading_rad_per_sqrt_rad=0.08,
     gap_s=4.0,
 )
-SURE = Increment(np.array((0.05, 0.0, 0.01)), np.diag((1e-3, 1e-3, 2e-3)) ** 2, False, True, 0.1, 0.5, 0.0, 0.1)
-MOVED = Increment(np.array((0.5, 0.0, 0.1)), np.diag((0.05**2, 0.02**2, 0.06**2)), False, True, 3.0, 0.2, 0.0, 0.03)
+SURE = Increment(np.array((0.05, 0.0, 0.01)), np.diag((1e-3, 1e-3, 2e-3)) ** 2, False, True, 0.1, 0.5, 0.0, 0.1, 0.1)
+MOVED = Increment(
+    np.array((0.5, 0.0, 0.1)), np.diag((0.05**2, 0.02**2, 0.06**2)), False, True, 3.0, 0.2, 0.0, 0.03, 3.0
+)
 
 
 def settings_of(**alignment: object) -> FrontEndSettings:

@@ -12,7 +12,7 @@ from slam.settings.front_end import FrontEndSettings
 from tests.support.slam.corridor import ring_of_corridors
 from tests.support.slam.wide import AT_A_CORNER, IN_A_CORRIDOR, MOUNT, scan_at, search_between, search_of
 
-AT_REST = Increment(np.zeros(3), np.zeros((3, 3)), True, True, 0.1, 0.0, 0.0, 0.0)
+AT_REST = Increment(np.zeros(3), np.zeros((3, 3)), True, True, 0.1, 0.0, 0.0, 0.0, 0.0)
 SETTINGS = FrontEndSettings.model_validate({"range_max_m": 20.0, "width_max_m": 0.4})
 
 

@@ -141,8 +141,20 @@ def test_standing_still_has_no_noise_at_all(model: str, still: Callable[[int], W
     wheels.take_until(100 * MS)
     increment = wheels.take_until(290 * MS)
     assert increment.at_rest
+    assert increment.rolling_s == 0.0
     assert not increment.mean.any()
     assert not increment.covariance.any()
+
+
+def test_for_how_long_it_rolled_leaves_out_where_it_stood() -> None:
+    wheels = odometry()
+    way = [*[0.0] * 100, *np.linspace(0.0, 0.5, 51)]
+    wheels.add(tuple(counts(20 * step, way_m, way_m) for step, way_m in enumerate(way)))
+    wheels.take_until(0)
+    assert wheels.predicted(1900 * MS).rolling_s == 0.0
+    assert wheels.predicted(2480 * MS).rolling_s == pytest.approx(0.48)
+    wheels.take_until(3000 * MS)
+    assert wheels.take_until(4000 * MS).rolling_s == pytest.approx(1.0), "nobody says that it stands"
 
 
 def test_an_encoder_that_toggles_by_one_count_still_stands() -> None:

@@ -50,7 +50,8 @@ def increment_of(x: float = 0.0, y: float = 0.0, heading: float = 0.0, sigma: fl
     """An increment with standard deviation sigma m sideways and ahead, and sigma / 5 rad."""
     covariance = np.diag((sigma**2, sigma**2, (0.2 * sigma) ** 2))
     still = x == 0.0 and y == 0.0 and heading == 0.0 and sigma == 0.0
-    return Increment(np.array((x, y, heading)), covariance, still, True, 0.1, 10.0 * x, 10.0 * y, 10.0 * heading)
+    mean, speeds = np.array((x, y, heading)), (10.0 * x, 10.0 * y, 10.0 * heading)
+    return Increment(mean, covariance, still, True, 0.1, *speeds, 0.0 if still else 0.1)
 
 
 def arc_pose(pose: FloatArray, distance: float, turn: float) -> FloatArray:

@@ -75,7 +75,7 @@ def _arc_covariance(spread_rad: float) -> FloatArray:
 
 
 def _increment(mean: FloatArray, covariance: FloatArray, *, at_rest: bool) -> Increment:
-    return Increment(mean, covariance, at_rest, True, AHEAD_M, 0.0, 0.0, 0.0)
+    return Increment(mean, covariance, at_rest, True, AHEAD_M, 0.0, 0.0, 0.0, AHEAD_M)
 
 
 def _seen(scan: int, pose: FloatArray, generator: np.random.Generator) -> FeatureRows:
