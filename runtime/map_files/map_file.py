@@ -22,9 +22,9 @@ MAGIC, FORMAT = b"INFANTMAP", 2
 SHA_BYTES = 32
 FIRST_LINE_BYTES = 64
 LEAST_LANDMARKS = 2  # fewer leave the heading open
-MOST = {"landmarks": 10_000, "in_state": MOST_IN_STATE, "views": MOST_VIEWS}
-"""By key of the header. 10 000 landmarks are those of 100 km of ordinary ground, and are indexed in two seconds."""
-MOST_IN_A_PATCH = 100  # landmarks in a square of PATCH_M: features are at least 0.1 m apart
+MOST = {"landmarks": 25_000, "in_state": MOST_IN_STATE, "views": MOST_VIEWS}
+"""By key of the header. 25 000 landmarks are those of 250 km of ordinary ground, and are indexed in a second."""
+MOST_IN_A_PATCH = 50  # landmarks in a square of PATCH_M: a wall of doors has some ten
 PATCH_M = 1.0
 MOST_HEADER_BYTES = 4 << 20  # a configuration, and the names of some thousands of runs
 SHAPES: dict[str, tuple[str, tuple[int | str, ...]]] = {

@@ -2,6 +2,10 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from drivers.measurements import FloatArray
+
 
 @dataclass(frozen=True, slots=True)
 class BenchFigure:
@@ -11,3 +15,8 @@ class BenchFigure:
     value: float
     unit: str
     p99: float | None = None
+
+
+def spread(times_ms: FloatArray) -> tuple[float, str, float]:
+    """Median, unit, 99th percentile."""
+    return round(float(np.median(times_ms)), 4), "ms", round(float(np.percentile(times_ms, 99)), 4)

@@ -15,8 +15,9 @@ from drivers.measurements import FloatArray, Scan, WheelCounts, uniform_bearings
 from drivers.settings.simulated_world import WorldSettings
 from drivers.simulated.world.places.world import World
 from runtime.settings.configuration import Configuration
-from runtime.studies.bench.figure import BenchFigure
+from runtime.studies.bench.figure import BenchFigure, spread
 from runtime.studies.bench.plain import plain_resample, plain_step
+from runtime.studies.bench.recognising import recognising
 from runtime.studies.bench.replaying import times_real_time
 from runtime.studies.bench.scene import Scene
 from slam.estimator import Estimator
@@ -47,17 +48,13 @@ def measures() -> Iterator[BenchFigure]:
     yield from resampling(large)
     yield from growth()
     yield from map_memory(scene)
+    yield from recognising()
     scans = drive_scans()
     yield BenchFigure("front_end_1081", *spread(front_end_times(scans)))
     yield BenchFigure("tick_m100", *spread(tick_times(scans)))
     speeds = [times_real_time(scans, Configuration(slam=DRIVEN)) for _ in range(3)]
     yield BenchFigure("replay_speed", round(float(np.median(speeds)), 1), "times real time")
     yield start_warm()
-
-
-def spread(times_ms: FloatArray) -> tuple[float, str, float]:
-    """Median, unit, 99th percentile."""
-    return round(float(np.median(times_ms)), 4), "ms", round(float(np.percentile(times_ms, 99)), 4)
 
 
 def timed_ms(work: Callable[[], object]) -> float:

@@ -7,8 +7,10 @@ import pytest
 
 from runtime.studies.bench.measures import map_memory, timed_ms
 from runtime.studies.bench.plain import plain_step
+from runtime.studies.bench.recognising import park_map, points_around, slices_ms
 from runtime.studies.bench.scene import Scene
 from slam.estimator import Estimator
+from slam.recognise.warm_up import warm_up_recognition
 
 SCANS = 15
 
@@ -58,3 +60,17 @@ def test_shared_pages_take_a_fraction_of_what_a_map_for_each_particle_would() ->
     used, allocated = map_memory(scene)
     assert 0.0 < used.value < 60.0
     assert allocated.value >= used.value
+
+
+def test_looking_in_a_large_map_takes_more_slices_and_not_longer_ones() -> None:
+    """All at once, the attempt in 5000 landmarks would take twenty times as long as that in 200."""
+    warm_up_recognition()
+    rng = np.random.default_rng(1)
+    spent = []
+    for size in (200, 5000):
+        means_m, index = park_map(size, rng)
+        points = points_around(means_m, rng)
+        spent.append(min((slices_ms(index, points) for _ in range(5)), key=max))
+    small, large = spent
+    assert len(large) > 2 * len(small)
+    assert max(large) < 8.0 * max(small)
