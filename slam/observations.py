@@ -9,7 +9,7 @@ import numpy as np
 from drivers.measurements import BoolArray, FloatArray, IntArray, VerdictArray
 from slam.pose import wrap_rads
 
-MOST_FEATURES = 256  # of a scan are matched, the most exact ones: a torn scan must not make a step too long
+MOST_FEATURES = 64  # of a scan are matched, the most exact ones; real scans have 50 at most, and 256 took 200 ms
 IDENTITIES_PER_SCAN = 4096  # a landmark is named by the scan that made it, times this, plus the feature's number
 
 
