@@ -116,16 +116,16 @@ class Loop:
             health, changes = outputs.monitor.assess(tick.stamp_ns, self._inputs.health(), outputs.health(), estimate)
         with stages.stage("status"):
             outputs.watch(completed, health)
-        self._note(beat, step_ns, before_ns)
+        self._note(beat, timing, before_ns)
         return events + changes
 
-    def _note(self, beat: Beat, step_ns: int, before_ns: dict[str, int]) -> None:
-        """Keep time of the whole tick; before_ns: its stages up to the estimate."""
+    def _note(self, beat: Beat, timing: Timing, before_ns: dict[str, int]) -> None:
+        """Keep time of the whole tick, its stages as they are recorded; before_ns: those up to the estimate."""
         durations_ns = self._stages.durations_ns()
         took_ns = sum(durations_ns.values())
         self._after_ns = {name: took for name, took in durations_ns.items() if name not in before_ns}
         self.timekeeping.note(beat.stamp_ns, beat.lateness_ns, beat.missed, took_ns)
-        self.timekeeping.note_stages({"step": step_ns, **durations_ns}, took_ns - sum(before_ns.values()))
+        self.timekeeping.note_stages(timing.stages_ns, took_ns - sum(before_ns.values()))
 
     def _overrun(self, beat: Beat, missed: int) -> Event:
         """Which stage of this tick kept the loop from the beats after it."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.measurements import FloatArray
-from slam.observations import IDENTITIES_PER_SCAN, MatchVerdict
+from slam.observations import IDENTITIES_PER_SCAN, MOST_FEATURES, MatchVerdict
 from slam.particles.fastslam import FastSlam, weighted_mean
 from slam.settings.slam import SlamSettings
 from slam.visibility import SightLine, field_of_view
@@ -131,7 +131,8 @@ def test_proposed_estimation_saves_nine_likelihoods_in_ten() -> None:
     spent = []
     for techniques in ({}, off):
         filter_ = particles(settings_of(particles=3, techniques=techniques, view={"range_max_m": 300.0}))
-        filter_.step(increment_of(), seen_from(np.zeros(3), grid, range_max_m=300.0))
+        for part in np.array_split(grid, len(grid) // MOST_FEATURES):
+            filter_.step(increment_of(), seen_from(np.zeros(3), part, range_max_m=300.0))
         near = grid[np.hypot(*grid.T) < 25.0]
         spent.append(filter_.step(increment_of(0.1, sigma=0.02), seen_from(np.array((0.1, 0, 0)), near)).likelihoods)
     assert spent[1] == 3 * len(near) * len(grid)
