@@ -18,9 +18,7 @@ SIGHTING_SHARE = 0.9  # of the farthest sighting: what stands so near is in reac
 SIGHTING_EDGE_RAD = math.radians(5.0)  # inside the outermost sighting
 FIRST_LOOKS, FIRST_FINDS = 40.0, 30.0  # what is presumed of a sensor that reports things
 MOST_LOOKS = 500.0  # its memory
-OPEN_SHARE = (
-    0.1  # of the beams without return: 5 % are lost on what is dark or shines, and most of more are in the open
-)
+OPEN_SHARE = 0.1  # of the beams without return: on what is dark or shines 5 % are lost, and more only in the open
 SLOWEST_GAIN = 0.02  # of that share: its memory is 50 scans
 CHANCE = 0.1  # that a landmark seems to be found where none stands
 

@@ -88,8 +88,8 @@ def evaluation_lines(figures: dict[str, Any]) -> list[str]:
         lines.append(defects_line(figures["defects"], figures["poses"], figures["defect"]))
     if figures["searched"]:
         lines.append(
-            f"searched  for its place in the saved map during {figures['searched']} poses before these: they are left "
-            "out, being in no map"
+            f"left out  {figures['searched']} poses before its place in the saved map was known: they are in another "
+            "frame"
         )
     if figures["n_known"] is not None:
         lines.append(f"used      {figures['n']} of {figures['n_known']} places")

@@ -6,6 +6,8 @@ Source: ros2/rmw_zenoh, docs/design.md and rmw_zenoh_cpp/src/detail/liveliness_u
 import re
 import struct
 
+import xxhash
+
 from runtime.messages.definitions import type_store
 
 QOS_DEFAULT = "::,10:,:,:,,"  # reliable, volatile, keep the last 10, no deadline, lifespan or lease: all as default
@@ -60,6 +62,11 @@ def publisher_token(
     """Liveliness key of one publisher of that node; slashes of names become percent signs."""
     mangled = topic.replace("/", "%")
     return f"@ros2_lv/{domain}/{zid}/0/{entity}/MP/%/%{namespace}/{NODE}/{mangled}/{wire_type(type_name, humble)}/{qos}"
+
+
+def publisher_gid(token: str) -> bytes:
+    """Sixteen bytes that name a publisher, as rmw_zenoh makes them of its liveliness key: XXH3, 128 bits, seed 0."""
+    return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(16, "little")
 
 
 def attachment(seq: int, stamp_ns: int, gid: bytes) -> bytes:

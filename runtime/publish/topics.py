@@ -13,7 +13,6 @@ from runtime.messages.map_json import json_bytes, landmark_json
 from runtime.publish import messages, ros2_keys
 from runtime.publish.pace import Allowance, Pace
 from runtime.publish.status import host_name
-from runtime.ros2.gid import publisher_gid
 from runtime.ros2.laser_scan import SCAN, first_ray_ns, scan_bytes
 from runtime.ros2.markers import MARKERS, landmark_bytes
 from runtime.ros2.odometry import ODOMETRY, OdometryTrack, odometry_bytes
@@ -64,7 +63,7 @@ class Topic:
             express=urgent,
         )
         self._token = session.liveliness().declare_token(token) if token is not None else None
-        self._gid = publisher_gid(token or f"{session.zid()}/{key}")
+        self._gid = ros2_keys.publisher_gid(token or f"{session.zid()}/{key}")
         self._seq = 0
 
     def send(self, payload: bytes, wall_ns: int) -> None:
@@ -84,7 +83,7 @@ class LatchedTransforms:
     def __init__(self, session: zenoh.Session, domain: int, namespace: str, entity: int, humble: bool) -> None:
         zid, name, latched = str(session.zid()), "/tf_static", ros2_keys.QOS_LATCHED
         token = ros2_keys.publisher_token(domain, zid, namespace, entity, name, TF, humble, latched)
-        self._gid = publisher_gid(token)
+        self._gid = ros2_keys.publisher_gid(token)
         self._publisher = zenoh.ext.declare_advanced_publisher(
             session,
             ros2_keys.data_key(domain, name, TF, humble),

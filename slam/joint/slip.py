@@ -34,10 +34,11 @@ def associate_with_slip(
     others (l,): places of all landmarks of the state. old (k,): landmarks that have stood for long; features that may
     be theirs are looked at first, nearest first, so that no walker moves the pose before they do. laid: the scan was
     laid onto others, so that no landmark need be found: one that may be seen anywhere between its neighbours is not,
-    and one that would move the pose far is only with a second one. Where most of what
-    lies within gates.slip of an old landmark finds none, each of the likeliest pairs is taken for true in turn, and the
-    one with which most old landmarks are found is kept. Where that is still few, they match by chance, as with a
-    blinded laser or a kidnapped rover: then nothing is believed.
+    and one that would move the pose far is only with a second one.
+
+    Where most of what lies within gates.slip of an old landmark finds none, each of the likeliest pairs is taken for
+    true in turn, and the one with which most old landmarks are found is kept. Where that is still few, they match by
+    chance, as with a blinded laser or a kidnapped rover: then nothing is believed.
     """
     mean, covariance, _, mount = joint
     apart = neighbour_distances(mean, places, others)

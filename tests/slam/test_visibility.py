@@ -72,7 +72,8 @@ def test_what_swallows_beams_between_walls_hides_what_lies_behind_it(empty_beams
 def test_single_beams_that_are_lost_between_walls_hide_nothing() -> None:
     view, scan = SensorView(0.1), room_scan(0, 0)
     scan = replace(scan, ranges_m=np.where(np.arange(361) % 20 == 0, np.nan, scan.ranges_m).astype(np.float32))
-    assert is_missed(8.0 * math.cos(0.6), 8.0 * math.sin(0.6), view.of(scan, NO_FEATURES))
+    lost_beam = math.radians(-90.0 + 0.5 * 240)
+    assert is_missed(8.0 * math.cos(lost_beam), 8.0 * math.sin(lost_beam), view.of(scan, NO_FEATURES))
 
 
 def reports(*points: tuple[float, float]) -> FeatureRows:

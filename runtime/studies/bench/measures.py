@@ -19,10 +19,11 @@ from runtime.studies.bench.figure import BenchFigure, spread
 from runtime.studies.bench.plain import plain_resample, plain_step
 from runtime.studies.bench.recognising import recognising
 from runtime.studies.bench.replaying import times_real_time
-from runtime.studies.bench.scene import Scene
+from runtime.studies.bench.scene import THICKET_PER_M2, Scene
 from slam.estimator import Estimator
 from slam.front_end.deskew import Twist
 from slam.front_end.front_ends import make_front_end
+from slam.observations import MOST_FEATURES
 from slam.particles.resampling import adopt_maps, parents_in_place, systematic_copies
 from slam.pose import Pose2
 from slam.settings.slam import MountSettings, SlamSettings
@@ -43,6 +44,8 @@ def measures() -> Iterator[BenchFigure]:
     yield BenchFigure("step_m100_n1000_k30", *spread(step_100))
     yield BenchFigure("joint_n1000_k30", *spread(joint))
     yield BenchFigure("plain_numpy_over_step_m100_n1000_k30", round(plain / float(np.median(step_100)), 1), "ratio")
+    thicket = filter_steps(Scene(100, 1000, MOST_FEATURES, THICKET_PER_M2))
+    yield BenchFigure("step_and_joint_m100_thicket", *spread(thicket[0] + thicket[1]))
     large = Scene(1000, 1000, 30)
     yield BenchFigure("step_m1000_n1000_k30", *spread(filter_steps(large)[0]))
     yield from resampling(large)

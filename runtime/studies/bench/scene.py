@@ -14,6 +14,7 @@ from slam.settings.slam import SlamSettings
 from slam.visibility import SightLine, field_of_view
 
 DENSITY_PER_M2 = 0.02  # 42 landmarks in 270 deg to 30 m: enough for 30 observations
+THICKET_PER_M2 = 0.47  # 1000 landmarks in that view
 VIEW_M, VIEW_RAD = 30.0, math.radians(135.0)
 TILE_M = 30.0  # the survey stops this often: every landmark is in view of some stop
 STEP_M, TURN_RAD = 0.05, 0.005  # 0.5 m/s and a circle of 10 m, ten scans a second
@@ -28,11 +29,13 @@ SIGHT = field_of_view(VIEW_M - 5.0, VIEW_RAD - math.radians(5.0))
 class Scene:
     """N landmarks on a jittered grid, a filter with a finished map of them, and its drive in a small circle."""
 
-    def __init__(self, particles: int, landmarks: int, observations: int) -> None:
+    def __init__(
+        self, particles: int, landmarks: int, observations: int, density_per_m2: float = DENSITY_PER_M2
+    ) -> None:
         self._rng = np.random.default_rng(SEED)
         self._observations = observations
         side = math.ceil(math.sqrt(landmarks))
-        pitch_m = 1.0 / math.sqrt(DENSITY_PER_M2)
+        pitch_m = 1.0 / math.sqrt(density_per_m2)
         grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)[:landmarks]
         jitter = self._rng.uniform(-0.25, 0.25, grid.shape)
         self.landmarks_m: FloatArray = (grid - 0.5 * side + jitter) * pitch_m

@@ -8,8 +8,9 @@ import pytest
 from runtime.studies.bench.measures import map_memory, timed_ms
 from runtime.studies.bench.plain import plain_step
 from runtime.studies.bench.recognising import park_map, points_around, slices_ms
-from runtime.studies.bench.scene import Scene
+from runtime.studies.bench.scene import THICKET_PER_M2, Scene
 from slam.estimator import Estimator
+from slam.observations import MOST_FEATURES
 from slam.recognise.warm_up import warm_up_recognition
 
 SCANS = 15
@@ -29,6 +30,13 @@ def test_the_compiled_step_is_a_hundred_times_faster_than_plain_numpy() -> None:
     scene = Scene(50, 400, 30)
     step_ms = median_ms(scene)
     assert plain_step(scene.particles, scene.next_scan()[1]) > 100.0 * step_ms
+
+
+def test_a_thicket_costs_no_more_than_some_ordinary_steps() -> None:
+    """As many landmarks around as a scan may show, and as many of them seen as are matched: 256 cost 80 times."""
+    Estimator.warm_up()
+    ordinary, thicket = Scene(50, 400, 30), Scene(50, 400, MOST_FEATURES, THICKET_PER_M2)
+    assert median_ms(thicket) < 12.0 * median_ms(ordinary)
 
 
 @pytest.fixture(scope="module")
