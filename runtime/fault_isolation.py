@@ -6,7 +6,7 @@ from typing import Protocol
 from drivers.measurements import Event, ScanLike, Severity, WheelSample
 from runtime.commands import told_pose
 from runtime.tick import CompletedTick, Sink, Tick
-from slam.estimate import Estimate
+from slam.estimate import Estimate, unknown_pose
 from slam.recognise.prior import PosePrior
 
 
@@ -26,20 +26,24 @@ def step_or_predict(estimator: Stepping, tick: Tick) -> tuple[Estimate, tuple[Ev
     """The estimate of this tick, and what went wrong.
 
     A defect in the estimator ends the tick as a prediction without the scan; the scan stands in the record of
-    this tick, so that the defect can be repeated. Raises only if predicting fails as well.
+    this tick, so that the defect can be repeated. Where predicting fails as well, nothing is known of the pose.
     """
     try:
         return estimator.step(tick.stamp_ns, tick.scan, tick.wheels, told_pose(tick.events)), ()
     except Exception as error:  # noqa: BLE001 - whatever it is, the rover needs its next pose
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        defect = Event(
-            tick.stamp_ns,
-            "estimator",
-            "defect",
-            f"{type(error).__name__}: {error} in {where.name}; tick {tick.seq} ended as a prediction",
-            Severity.ERROR,
-        )
+        defect = _defect(tick, error, "as a prediction")
+    try:
         return estimator.step(tick.stamp_ns, None, ()), (defect,)
+    except Exception as error:  # noqa: BLE001 - nor does this end the run
+        nothing = _defect(tick, error, "without a pose")
+        return unknown_pose(tick.stamp_ns, f"the estimator failed: {nothing.reason}"), (defect, nothing)
+
+
+def _defect(tick: Tick, error: Exception, ended: str) -> Event:
+    """What was raised, where, and how the tick ended."""
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    reason = f"{type(error).__name__}: {error} in {where.name}; tick {tick.seq} ended {ended}"
+    return Event(tick.stamp_ns, "estimator", "defect", reason, Severity.ERROR)
 
 
 def defects_line(defects: int, ticks: int, reason: str) -> str:

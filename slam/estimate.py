@@ -15,6 +15,8 @@ from slam.pose import Pose2
 AHEAD_NS = 1_000_000_000
 """What is stamped later than its tick by more than this was not measured then; a loop wakes up sooner."""
 
+UNKNOWN_M = 1e4  # standard deviation of a position of which nothing is known
+
 
 class Quality(StrEnum):
     """Whether the pose can be believed."""
@@ -119,3 +121,9 @@ class Estimate:
     doubt: str = ""
     recognition: Recognition | None = None
     refusal: str = ""
+
+
+def unknown_pose(stamp_ns: int, doubt: str) -> Estimate:
+    """What is said where nothing can be: anywhere within UNKNOWN_M of the origin of the map, and lost."""
+    spread = np.diag((UNKNOWN_M**2, UNKNOWN_M**2, math.pi**2))
+    return Estimate(stamp_ns, Pose2(), spread, Pose2(), spread, Pose2(), Quality.LOST, doubt=doubt)

@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 
 from drivers.measurements import IntArray, Scan, ScanLike, WheelSample
-from slam.estimate import AHEAD_NS, Estimate, Recognition
+from slam.estimate import AHEAD_NS, Estimate
 from slam.front_end.alignment import Alignment
 from slam.front_end.deskew import Twist, with_motion_noise
 from slam.front_end.front_ends import make_front_end
@@ -18,13 +18,14 @@ from slam.joint.gaussian import JointGaussian
 from slam.maps.joint_map import JointMap
 from slam.maps.start import MapStart, first_maps
 from slam.maps.views import NO_VIEWS
-from slam.observations import MOST_FEATURES, NO_FEATURES, seen_before_share, usable_rows, verdicts_of_all
+from slam.observations import NO_FEATURES, match_figures, seen_before_share, usable_rows, verdicts_of_all
 from slam.odometry.odometry import Increment, Odometry, compound
 from slam.odometry.scan_clock import ScanClock
 from slam.particles.fastslam import FastSlam, ScanOutcome
 from slam.quality import QualityMonitor
 from slam.recognise.local_points import around
 from slam.recognise.prior import PosePrior
+from slam.relocalise.breakdown import Breakdown, BrokenFilterError, broken
 from slam.relocalise.local_map import ScanSeen, ScanTaken, no_witness
 from slam.relocalise.relocaliser import Relocaliser
 from slam.scan_search.stretch import NO_POINTS
@@ -58,23 +59,13 @@ class Estimator:
         with every so many-th estimate. start: the saved map that the drive begins in, else its map begins where it is.
         witness: told of every scan what the joint Gaussian made of it.
         """
-        self._settings = settings
-        self._mark, self._witness = mark, witness
-        self._map_every = map_every
+        self._settings, self._body_from_laser = settings, settings.mount.as_pose()
+        self._mark, self._witness, self._map_every = mark, witness, map_every
         self._generator = np.random.default_rng(seed)
-        self._body_from_laser = settings.mount.as_pose()
-        techniques = settings.techniques
         self._odometry = Odometry(settings.odometry)
-        self._front_end = make_front_end(
-            settings.front_end,
-            difference=techniques.difference,
-            sparse=techniques.sparse,
-            body_from_laser=self._body_from_laser,
-        )
-        self._alignment = Alignment(settings.front_end, self._body_from_laser)
         self._particles = FastSlam(settings, self._generator)
-        self._hash = bytes(16) if start is None else start.digest()
-        self._view = SensorView(settings.front_end.range_min_m)
+        self._start, self._hash = start, bytes(16) if start is None else start.digest()
+        self._begin_seeing()
         self._joint, saved = first_maps(settings, start)
         if saved is self._joint:
             self._redraw_particles()
@@ -82,8 +73,7 @@ class Estimator:
         self._keyframes = self._relocaliser.here.keyframes
         reports = settings.front_end.kind == "given"
         self._quality = QualityMonitor(settings.quality, self._joint.scans, silence_is_blind=not reports)
-        self._scan_clock, self._stands = ScanClock(), False
-        self._not_finite = 0
+        self._scan_clock, self._breakdown, self._stands = ScanClock(), Breakdown(), False
 
     def step(
         self,
@@ -112,7 +102,9 @@ class Estimator:
         moved = (self._particles.scans, self._joint.moves)
         try:
             return self._scan_step(stamp_ns, scan, increment)
-        except Exception:
+        except Exception as error:
+            if cause := self._begin_anew_where_broken(stamp_ns):
+                raise BrokenFilterError(cause) from error
             self._keep_motion(increment, *moved)
             raise
 
@@ -181,10 +173,14 @@ class Estimator:
         seen = ScanSeen(scan.stamp_ns, increment.mean, increment.covariance, rows, sight, seen_share, points)
         fits = () if laid is None else tuple(self._keyframes.fits)
         told = (seen, measured, self._odometry.odom_from_body, matched, fits, self._relocaliser.here.progress)
-        recognition = self._find_back(seen, matched)
+        recognition = self._relocaliser.step(seen, matched, self._quality)
+        if recognition is not None:
+            self._go_on_here()
         after = (self._relocaliser.here.progress, self._joint.map_from_body, self._joint.covariance)
         self._witness(ScanTaken(*told, *after))
         self._mark("relocalise")
+        if cause := broken(self._joint, self._particles, self._quality):
+            raise BrokenFilterError(cause)
 
         matches = verdicts_of_all(rows, outcome.matches, len(features))
         self._chain_hash(matches)
@@ -202,20 +198,37 @@ class Estimator:
             | self._scan_counts(increment, matches, outcome)
             | self._quality.figures
             | ({} if recognition is None else recognition.figures),
-            recognition=recognition,
+            recognition=recognition or prediction.recognition,
             refusal=self._relocaliser.take_refusal(),
         )
 
-    def _find_back(self, seen: ScanSeen, matched: IntArray) -> Recognition | None:
-        """Go on in the map, or at the place in it, that was recognised; the particles are drawn anew there."""
-        recognition = self._relocaliser.step(seen, matched, self._quality)
-        if recognition is not None:
-            self._joint, self._keyframes = self._relocaliser.here.joint, self._relocaliser.here.keyframes
-            self._redraw_particles()
-        return recognition
+    def _go_on_here(self) -> None:
+        """In the map, or at the place in it, that was recognised; the particles are drawn anew there."""
+        self._joint, self._keyframes = self._relocaliser.here.joint, self._relocaliser.here.keyframes
+        self._redraw_particles()
 
     def _redraw_particles(self) -> None:
         self._particles.redraw(*around(self._joint.state, self._settings.view.range_max_m))
+
+    def _begin_seeing(self) -> None:
+        """With no scan before."""
+        settings, techniques = self._settings, self._settings.techniques
+        used = {"difference": techniques.difference, "sparse": techniques.sparse}
+        self._front_end = make_front_end(settings.front_end, **used, body_from_laser=self._body_from_laser)
+        self._alignment = Alignment(settings.front_end, self._body_from_laser)
+        self._view = SensorView(settings.front_end.range_min_m)
+
+    def _begin_anew_where_broken(self, stamp_ns: int) -> str:
+        """What is no number any more in the filter; "" where all are. It goes on from its last pose that was one."""
+        cause = broken(self._joint, self._particles, self._quality)
+        if cause:
+            self._begin_seeing()
+            self._quality = self._quality.sound()
+            pose = self._breakdown.sound_pose
+            begun = self._relocaliser.begin_anew_where_broken(pose, self._quality, stamp_ns, self._start)
+            self._go_on_here()
+            self._breakdown.note(cause, self._quality.scans, begun)
+        return cause
 
     def _keep_motion(self, increment: Increment, particle_scans: int, joint_moves: int) -> None:
         """A step has failed: its scan is lost, but not the motion that the wheels measured.
@@ -229,16 +242,16 @@ class Estimator:
 
     def _prediction(self, stamp_ns: int) -> Estimate:
         """The poses at the last scan moved on by the wheels to stamp_ns, their covariances grown by the wheels' own."""
+        self._begin_anew_where_broken(stamp_ns)
         particle_mean, particle_covariance = self._particles.mean()
         pose, covariance = self._joint.map_from_body, self._joint.covariance
-        if not (np.isfinite(covariance).all() and np.isfinite(pose.as_array()).all()):
-            self._not_finite += 1
-            pose, covariance = particle_mean, particle_covariance
+        self._breakdown.sound_pose = pose
         gap_m = math.hypot(pose.x_m - particle_mean.x_m, pose.y_m - particle_mean.y_m)
         since = self._odometry.predicted(stamp_ns)
         moved = since.as_pose()
         grown = compound(pose, covariance, since)
         judgement = self._relocaliser.judged(self._quality.judge(stamp_ns, grown, gap_m, since.rolling_s))
+        judgement = self._breakdown.judged(judgement, self._quality.scans)
         return Estimate(
             stamp_ns=stamp_ns,
             map_from_body=pose @ moved,
@@ -249,6 +262,7 @@ class Estimator:
             quality=judgement.quality,
             doubt=judgement.doubt,
             counts=self._counts(),
+            recognition=self._breakdown.take_recognition(),
         )
 
     def _counts(self) -> dict[str, float]:
@@ -257,26 +271,18 @@ class Estimator:
         return refused | {
             "landmarks": float(self._particles.store.count_of(self._particles.best)),
             **self._scan_clock.counts,
-            "not_finite": float(self._not_finite),
+            "not_finite": float(self._breakdown.times),
         }
 
     def _scan_counts(self, increment: Increment, matches: IntArray, outcome: ScanOutcome) -> dict[str, float]:
         """Figures of a tick with a scan."""
         return {
-            "features": float(len(matches)),
-            "features_left_out": float(max(len(matches) - MOST_FEATURES, 0)),
-            "matched": float((matches >= 0).sum()),
-            "created": outcome.created,
-            "removed": outcome.removed,
-            "likelihoods": float(outcome.likelihoods),
-            "effective_particles": outcome.effective,
-            "resampled": float(outcome.resampled),
+            **match_figures(matches),
+            **outcome.figures,
             "at_rest": float(self._stands),
             "odometry_known": float(increment.known),
             "scans_aligned": float(self._alignment.refined),
-            "keyframes": float(len(self._keyframes)),
-            "keyframe_fits": float(self._keyframes.fitted),
-            "loops_closed": float(self._keyframes.closed),
+            **self._keyframes.figures,
             **self._relocaliser.figures,
         }
 
@@ -289,8 +295,6 @@ class Estimator:
         for array in (particles.poses, particles.log_weights, matches, *particles.map_in_view()):
             digest.update(np.ascontiguousarray(array).data)
         digest.update(repr(self._generator.bit_generator.state).encode())
-        digest.update(self._joint.state_bytes())
-        digest.update(self._quality.state_bytes())
-        digest.update(self._view.state_bytes())
-        digest.update(self._relocaliser.state_bytes())
+        for part in (self._joint, self._quality, self._view, self._relocaliser):
+            digest.update(part.state_bytes())
         self._hash = digest.digest()

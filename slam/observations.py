@@ -137,6 +137,13 @@ def verdicts_of_all(rows: FeatureRows, verdicts: IntArray, count: int) -> IntArr
     return everyone
 
 
+def match_figures(matches: IntArray) -> dict[str, float]:
+    """Of the verdicts (K,) of all features, for the record."""
+    count = len(matches)
+    left_out = max(count - MOST_FEATURES, 0)
+    return {"features": float(count), "features_left_out": float(left_out), "matched": float((matches >= 0).sum())}
+
+
 def seen_before_share(verdicts: VerdictArray) -> float | None:
     """Of the beams (n,) with a return, how many were seen by earlier scans too: all where none could be compared, None
     where nothing came back.

@@ -73,6 +73,17 @@ class QualityMonitor:
         return self._trusted_scans - SETTLED_SCANS
 
     @property
+    def is_broken(self) -> bool:
+        """Whether its sums are numbers no more: it would believe any pose."""
+        return not math.isfinite(self._score + self._square + self._known + self._found)
+
+    def sound(self) -> "QualityMonitor":
+        """Itself, or a new one where it is broken."""
+        if not self.is_broken:
+            return self
+        return QualityMonitor(self._settings, self._scans, silence_is_blind=self._silence_is_blind)
+
+    @property
     def scans(self) -> int:
         """How many scans it has judged."""
         return self._scans

@@ -12,6 +12,7 @@ from slam.observations import Features
 from slam.pose import Pose2
 
 NEAREST_M = 0.1  # below this a direction means nothing
+LARGEST_SPAN_RAD = 4.0 * math.pi  # of one sweep; in degrees every laser would see more
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,10 @@ def deskew(scan: Scan, twist: Twist, body_from_laser: Pose2, range_min_m: float,
         raise ValueError(
             f"bearings_rad from {directions[0]} to {directions[-1]} do not increase; expected "
             "counter-clockwise beams: reverse the arrays of the scan"
+        )
+    if not spacing * count < LARGEST_SPAN_RAD:
+        raise ValueError(
+            f"bearings_rad from {directions[0]:g} to {directions[-1]:g} span more than two turns; expected radians"
         )
     beams = BeamArrays(np.empty(count), np.empty(count), np.empty((count, 2)), np.empty((count, 2)))
     sweep = Sweep(scan.ranges_m.astype(np.float64), directions, scan.beam_period_s, scan.stamp_beam)

@@ -112,6 +112,11 @@ class Keyframes:
     def __len__(self) -> int:
         return len(self._keyframes)
 
+    @property
+    def figures(self) -> dict[str, float]:
+        """For the record."""
+        return {"keyframes": float(len(self)), "keyframe_fits": float(self.fitted), "loops_closed": float(self.closed)}
+
     def constrain(self, beams: Beams) -> bool:
         """Condition the joint Gaussian on how the scan lies on keyframes; True where it was told anything."""
         self._wanted = False

@@ -44,11 +44,17 @@ def first_maps(settings: SlamSettings, start: MapStart | None) -> tuple[JointGau
     here = JointGaussian(settings.joint, settings.mount.as_pose(), settings.tuning(), DECIDED)
     if start is None:
         return here, None
-    variant = ADDITIVE if start.localise_only else DECIDED
-    saved = JointGaussian(settings.joint, settings.mount.as_pose(), settings.tuning(), variant)
-    put_map(saved, start.known, start.localise_only)
+    saved = saved_map(settings, start)
     if start.pose is None:
         here.scans = start.known.scans + SETTLED_SCANS
         return here, saved
     tie_pose(saved, start.pose, SPREAD)
     return saved, saved
+
+
+def saved_map(settings: SlamSettings, start: MapStart) -> JointGaussian:
+    """The saved map, in which the pose is not known."""
+    variant = ADDITIVE if start.localise_only else DECIDED
+    saved = JointGaussian(settings.joint, settings.mount.as_pose(), settings.tuning(), variant)
+    put_map(saved, start.known, start.localise_only)
+    return saved

@@ -19,6 +19,7 @@ from slam.settings.sigma_points import unscented_weights
 MAX_YAW_RATE_RADPS = 10.0  # rad/s beyond which a measured yaw rate is refused
 REST_TOLERANCE_COUNTS = 1.0  # counts per scan that still are standing still: an encoder at an edge toggles by one
 FARTHEST = 1e12  # counts or metres beyond which a total is garbage
+LONGEST = 1e9  # metres, radians or their squares between two scans, beyond which the motion is none
 STEEPEST_RAD = 1.4
 LONG_QUEUE = 150  # samples; 3 s at 50 Hz
 SETTLED_NS = 1_000_000_000  # a scan is never handed over later than this
@@ -77,6 +78,13 @@ class Travel:
         """Standing at the last stamp taken."""
         return cls(np.zeros(3), np.zeros((3, 3)), np.zeros((len(geometries), 3)), np.zeros(2))
 
+    @property
+    def is_sound(self) -> bool:
+        """Whether all of it are numbers that a motion can have: at a steering angle close to a right one it is none."""
+        sums = (self.forward_m, self.lateral_m, self.turn_rad, *self.gap_correction_m)
+        parts = (self.mean, self.covariance, self.tracks, np.array(sums))
+        return all((np.abs(part) < LONGEST).all() for part in parts)  # false for NaN
+
     def copy(self) -> "Travel":
         """The same, to be added to."""
         return replace(
@@ -126,8 +134,10 @@ class Odometry:
 
     def take_until(self, stamp_ns: int) -> Increment:
         """The increment from the last stamp taken to this one, which becomes the last one taken."""
-        travel = self._travel
-        self._consume(travel, stamp_ns)
+        self._consume(self._travel, stamp_ns)
+        travel = self._sound(self._travel, stamp_ns)
+        if travel is not self._travel:
+            self.refused["wheel_motions"] += 1
         increment = self._increment(travel, stamp_ns)
         self._travel = Travel.none(self._geometries)
         self._taken_ns = stamp_ns
@@ -150,7 +160,16 @@ class Odometry:
         segments, _, _ = self._segmenter.until(self._cursor, self._queue, stamp_ns)
         travel = self._travel.copy()
         self._add(travel, segments)
-        return self._increment(travel, stamp_ns)
+        return self._increment(self._sound(travel, stamp_ns), stamp_ns)
+
+    def _sound(self, travel: "Travel", stamp_ns: int) -> "Travel":
+        """The travel up to a stamp, or, where that is none, that the wheels have said nothing of it."""
+        if travel.is_sound:
+            return travel
+        unknown = Travel.none(self._geometries)
+        since_ns = stamp_ns if self._taken_ns is None else self._taken_ns
+        self._add(unknown, self._segmenter.unknown((stamp_ns - since_ns) * 1e-9))
+        return unknown
 
     def _consume(self, travel: "Travel", stamp_ns: int) -> None:
         """Add the motion up to this stamp for good."""

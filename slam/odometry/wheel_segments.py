@@ -120,7 +120,7 @@ class Segmenter:
             rows.append(self._unknown(duration - held))
             return fresh, duration - held <= 0.0, 0
         whole = self._difference(cursor.measured, sample)
-        if max(abs(whole[0]), abs(whole[1])) > self._settings.jump_speed_mps * max(silence, SHORTEST_S):
+        if self._is_jump(whole, silence):
             rows.append(self._unknown(duration))
             return Cursor(stamp_ns, sample, sample), False, 1
         rate = (whole[0] / silence, whole[1] / silence, whole[2] / silence)
@@ -175,7 +175,12 @@ class Segmenter:
         """True where the motion up to the next sample is known well enough to be interpolated."""
         if isinstance(following, WheelCounts) and not following.valid:
             return False
-        return (following.stamp_ns - measured.stamp_ns) * NANOSECOND_S <= self._settings.gap_s
+        apart = (following.stamp_ns - measured.stamp_ns) * NANOSECOND_S
+        return apart <= self._settings.gap_s and not self._is_jump(self._difference(measured, following), apart)
+
+    def _is_jump(self, motion: tuple[float, float, float], duration: float) -> bool:
+        """Whether no vehicle moves so far in this time, along or across."""
+        return max(abs(length) for length in motion) > self._settings.jump_speed_mps * max(duration, SHORTEST_S)
 
     def _difference(self, before: WheelSample, after: WheelSample) -> tuple[float, float, float]:
         """(left m, right m, 0) between counts; (distance m, turn rad, lateral m) of the arc between poses."""

@@ -41,6 +41,17 @@ class ScanOutcome:
     created: float
     removed: float
 
+    @property
+    def figures(self) -> dict[str, float]:
+        """For the record."""
+        return {
+            "created": self.created,
+            "removed": self.removed,
+            "likelihoods": float(self.likelihoods),
+            "effective_particles": self.effective,
+            "resampled": float(self.resampled),
+        }
+
 
 class FastSlam:
     """Unscented FastSLAM with unknown association. poses (M, 3), log_weights (M,), weights (M,) of the last scan."""

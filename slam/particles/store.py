@@ -6,6 +6,9 @@ from drivers.measurements import FloatArray, IntArray
 from slam.estimate import LandmarkMap
 from slam.particles.pages import FIELDS, FREE_PAGES, LOG_ODDS, NONE, PAGE_LANDMARKS, USED_SLOTS, XX, XY, YY, Pages, X, Y
 
+MOST_CELLS = 1 << 25  # 128 MB: 80 km by 80 km in cells of 15 m
+FARTHEST_CELL = 1 << 28  # a grid from there has too many cells, and their number does not overflow
+
 
 class LandmarkStore:
     """Owns the arrays behind `pages`; they are replaced by larger ones when a step runs out of room."""
@@ -26,7 +29,12 @@ class LandmarkStore:
         )
 
     def cover(self, poses: FloatArray, radius_m: float) -> None:
-        """Enlarge the grid so that it holds every point within radius_m of poses (M, 3)."""
+        """Enlarge the grid so that it holds every point within radius_m of poses (M, 3), up to MOST_CELLS: what lies
+        farther off is kept in the cells at its edge.
+        """
+        reach = np.abs(poses[:, :2]).max() + radius_m + np.abs(self.pages.origin * self.cell_m).max()
+        if not reach < FARTHEST_CELL * self.cell_m:  # of NaN too
+            return
         low = np.floor((poses[:, :2].min(axis=0) - radius_m) / self.cell_m).astype(np.int64)
         high = np.floor((poses[:, :2].max(axis=0) + radius_m) / self.cell_m).astype(np.int64)
         old = self.pages
@@ -36,6 +44,8 @@ class LandmarkStore:
         # a margin on the side that grows, so that a straight drive does not enlarge it in every step
         new_low = np.where(low < old.origin, low - 8, old.origin)
         new_high = np.where(high > old_high, high + 8, old_high)
+        if np.prod(new_high - new_low + 1) > MOST_CELLS:
+            return
         grid = np.full(new_high - new_low + 1, NONE, dtype=np.int32)
         at = old.origin - new_low
         grid[at[0] : at[0] + old.grid.shape[0], at[1] : at[1] + old.grid.shape[1]] = old.grid

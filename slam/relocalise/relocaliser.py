@@ -13,6 +13,7 @@ from drivers.measurements import IntArray
 from slam.estimate import Quality, Recognition
 from slam.joint.gaussian import JointGaussian
 from slam.keyframes.keyframes import Keyframes
+from slam.maps.start import MapStart, saved_map
 from slam.maps.views import NO_VIEWS, Views
 from slam.pose import Pose2, wrap_rad
 from slam.quality import Judgement, QualityMonitor
@@ -20,6 +21,7 @@ from slam.recognise.local_points import local_points
 from slam.recognise.map_index import MapIndex
 from slam.recognise.prior import PosePrior
 from slam.recognise.scale import Scale
+from slam.relocalise.breakdown import broken_map, is_broken
 from slam.relocalise.by_landmarks import ByLandmarks, Known
 from slam.relocalise.by_scans import ByScans
 from slam.relocalise.island import Island
@@ -85,6 +87,31 @@ class Relocaliser:
         if recognition is not None:
             self._restart(before, quality, seen.stamp_ns)
         return recognition
+
+    def begin_anew_where_broken(
+        self, map_from_body: Pose2, quality: QualityMonitor, stamp_ns: int, start: MapStart | None
+    ) -> Recognition | None:
+        """Where the map that the rover is in is broken it goes on from this pose in a new one; the old one is kept as
+        it is remembered, or as it was saved, to be recognised in.
+        """
+        broken, settings = self.here, self._settings
+        if not broken_map(broken.joint):
+            return None
+        joint = JointGaussian(settings.joint, self._mount, settings.tuning())
+        joint.state.mean[:3] = map_from_body.as_array()
+        joint.scans, joint.moves = broken.joint.scans, broken.joint.moves
+        broken.restore()
+        if not broken_map(broken.joint):
+            self.awaits_saved |= broken.is_saved
+            self._put_aside(broken)
+        elif broken.is_saved and start is not None:
+            self.add_map(saved_map(settings, start), start.known.views)
+        self._last_number += 1
+        self.here = self._island(self._last_number, joint)
+        self.here.rooting.root(joint.scans, 0)
+        self._front_from_map = None
+        self._restart(map_from_body, quality, stamp_ns)
+        return Recognition(self.here.number, is_new=True)
 
     def tell(self, prior: PosePrior) -> None:
         """Somebody says where the rover was at its last scan: in the saved map, where it looks for its place in one,
@@ -161,7 +188,7 @@ class Relocaliser:
                 self._by_landmarks.forget(self._islands)
             return
         local = self._local
-        first = local is None or local.is_spoilt or local.joint.moves != joint.moves - 1
+        first = local is None or local.is_spoilt or local.joint.moves != joint.moves - 1 or is_broken(local.joint.state)
         if local is None or first:
             settings = self._settings
             made = JointGaussian(settings.joint, self._mount, settings.tuning())

@@ -73,6 +73,12 @@ def test_clockwise_beams_are_refused_with_the_remedy() -> None:
         deskew(scan, Twist(), Pose2(), 0.1, 60.0)
 
 
+def test_bearings_in_degrees_are_refused() -> None:
+    scan = Scan(0, np.ones(41, dtype=np.float32), np.degrees(BEARINGS))
+    with pytest.raises(ValueError, match=r"span more than two turns; expected radians"):
+        deskew(scan, Twist(), Pose2(), 0.1, 60.0)
+
+
 def motion_noise_scan(beam_period_s: float) -> Scan:
     return Scan(0, np.full(5, 8.0, np.float32), uniform_bearings(-0.2, 0.1, 5), beam_period_s, 0)
 

@@ -202,6 +202,33 @@ def test_a_jump_of_the_counts_moves_nothing_and_is_counted() -> None:
     assert wheels.refused["wheel_jumps"] == 1
 
 
+def test_nothing_is_moved_towards_a_jump_before_it_is_known_to_be_one() -> None:
+    """A scan between a good sample and a foreign one took a part of the way there."""
+    wheels = odometry()
+    wheels.add((counts(0, 0.0, 0.0), counts(20, 0.01, 0.01), counts(40, 500.0, 500.0)))
+    assert wheels.take_until(30 * MS).mean[0] < 0.02
+
+
+def test_a_jump_sideways_of_a_reported_pose_moves_nothing_and_is_counted() -> None:
+    """The particles' grid reached for it: 20 GB, and the process was killed."""
+    wheels = odometry("pose")
+    wheels.add(tuple(OdometryPose(at * MS, 0.0, y, 0.0) for at, y in ((0, 0.0), (20, 0.01), (40, 9e11), (60, 9e11))))
+    assert abs(wheels.take_until(60 * MS).mean[1]) < 0.02
+    assert wheels.refused["wheel_jumps"] == 1
+
+
+def test_a_steering_angle_at_which_the_speed_has_no_bound_is_no_motion() -> None:
+    steep = math.atan(2.83 / 0.76)
+    wheels = odometry("steered", wheel_base_m=2.83, speed_wheel_offset_m=0.76)
+    wheels.add(tuple(SpeedSteering(at * MS, 10.0, steep) for at in range(0, 100, 20)))
+    wheels.take_until(0)
+    increment = wheels.take_until(80 * MS)
+    assert wheels.refused["wheel_motions"] == 1
+    assert not increment.known
+    assert np.array_equal(increment.mean, np.zeros(3))
+    assert np.isfinite(wheels.odom_from_body.as_array()).all()
+
+
 def test_a_covariance_turns_with_the_course() -> None:
     wheels = odometry("speed_yaw_rate", speed_noise_mps=0.0, yaw_rate_noise_radps=0.0, lateral_m_per_sqrt_m=0.1)
     quarter = math.pi / 2

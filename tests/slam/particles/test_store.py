@@ -1,6 +1,7 @@
 """Maps in shared pages: no particle ever sees another's writes."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -36,6 +37,16 @@ def put(store: LandmarkStore, particle: int, numbers: np.ndarray, identity: int)
     store.cover(np.array([[numbers[0], numbers[1], 0.0]]), 1.0)
     store.grow(1, 1)
     append(store.pages, particle, store.cell_m, numbers, identity)
+
+
+@pytest.mark.parametrize("x", [np.nan, np.inf, 1e7, -1e15, 1e300])
+def test_a_grid_never_reaches_so_far_that_it_fills_the_memory_and_nothing_is_lost(x: float) -> None:
+    store = LandmarkStore(1)
+    put(store, 0, landmark(3.0, 4.0), 1)
+    store.cover(np.array([[x, -x, 0.0]]), 30.0)
+    put(store, 0, landmark(1e7, -1e7), 2)
+    assert store.pages.grid.nbytes < 1 << 20
+    assert set(map_of(store, 0)) == {1, 2}
 
 
 def every_slot(store: LandmarkStore, particle: int) -> list[int]:
