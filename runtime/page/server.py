@@ -21,7 +21,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from runtime.commands import LONGEST_BYTES, Command
 from runtime.errors import InfantError
 from runtime.page.hub import Hub
-from runtime.page.run_list import free_gb, recorded_runs
+from runtime.page.run_list import RunList
 from runtime.publish.commands import Answer
 from runtime.publish.pace import Allowance
 
@@ -61,7 +61,7 @@ def page_app(hub: Hub, options: PageOptions) -> Starlette:
     routes = [Route(path, partial(_asset, path), methods=["GET"]) for path in ASSETS]
     routes += [
         Route("/events", viewers.stream, methods=["GET"]),
-        Route("/runs", partial(_runs, options.runs), methods=["GET"]),
+        Route("/runs", partial(_runs, RunList(options.runs)), methods=["GET"]),
         Route("/allowed", partial(_allowed, options), methods=["GET"]),
     ]
     if options.command is not None:
@@ -130,9 +130,8 @@ async def _asset(path: str, _request: Request) -> Response:
     return Response(files("runtime.page").joinpath("assets", name).read_bytes(), media_type=media_type)
 
 
-async def _runs(root: Path, _request: Request) -> Response:
-    runs = await run_in_threadpool(recorded_runs, root)
-    return JSONResponse({"runs": runs, "free_gb": await run_in_threadpool(free_gb, root)})
+async def _runs(runs: RunList, _request: Request) -> Response:
+    return JSONResponse(await run_in_threadpool(runs.told))
 
 
 async def _allowed(options: PageOptions, _request: Request) -> Response:

@@ -78,7 +78,7 @@ def verify_run(run: Path) -> Verification:
         found.damages.append(str(error))
         return found
     found.ticks = sum(1 for _ in reader.ticks())
-    found.damages += [f"{name}: no run has so many segments" for name in folder.foreign_segments()]
+    found.damages += _together(folder.foreign_segments(), "no run has so many segments")
     damages = reader.damages
     if damages and "the recording was cut off" in damages[-1] and is_being_written(folder.mcap_path):
         found.gaps.append(f"the run is still being recorded: {damages.pop()}")
@@ -93,14 +93,22 @@ def verify_run(run: Path) -> Verification:
 def alterations(folder: RunFolder, manifest: Manifest) -> list[str]:
     """What is not as it was closed: a sentence on the manifest, and on each file that it does not know like this."""
     found = [manifest.damage] if manifest.damage else []
-    segments = manifest.segments
+    segments, unclosed = manifest.segments, list[str]()
     for path in folder.segment_paths():
         facts = segments.get(path.name)
         if facts is not None and _sha256(path) != (facts["sha256"], facts["bytes"]):
             found.append(f"{path.name} is not as it was when it was closed: its hash in {manifest.path.name} differs")
         elif facts is None and manifest.lines and (path.name != "run.mcap" or _has_end(path)):
-            found.append(f"{path.name} was not closed: it is not in {manifest.path.name}")
-    return found
+            unclosed.append(path.name)
+    return found + _together(unclosed, f"not closed: not in {manifest.path.name}")
+
+
+def _together(names: list[str], damage: str) -> list[str]:
+    """One sentence, however many segments it holds for."""
+    if not names:
+        return []
+    which = names[0] if len(names) == 1 else f"{len(names)} segments, {names[0]} to {names[-1]}"
+    return [f"{which}: {damage}"]
 
 
 def alterations_of(reader: RunReader) -> list[str]:

@@ -1,9 +1,10 @@
 """The folder of a run: what it holds, how it is made, and that it is never overwritten."""
 
 import json
+import os
 import re
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -75,7 +76,7 @@ class RunFolder:
         if not folder.is_dir():
             raise NotARunError(f"{path} does not exist; give the folder of a run")
         found = cls(folder)
-        if not found.segment_paths():
+        if not found.is_run:
             raise NotARunError(f"{path} is not a run: it has no run.mcap; give the folder of a run")
         return found
 
@@ -96,17 +97,46 @@ class RunFolder:
     def closed_segments(self) -> dict[int, Path]:
         """Segments that are there beside run.mcap, by number, oldest first; a number that no run reaches is none."""
         found = {
-            int(match[1]): path
-            for path in self.path.glob("run-*.mcap")
-            if (match := CLOSED_NAME.fullmatch(path.name)) and path.is_file()  # a pipe would keep whoever reads it
+            int(match[1]): name
+            for name, is_file in self._entries()
+            if (match := CLOSED_NAME.fullmatch(name)) and is_file()  # a pipe would keep whoever reads it
         }
-        return dict(sorted(found.items()))
+        return {number: self.path / found[number] for number in sorted(found)}
+
+    def measured(self, most: int) -> tuple[int, bool]:
+        """Bytes of the record, and whether that is all of it: no more than so many names are looked at."""
+        size, looked_at = 0, 0
+        with os.scandir(self.path) as entries:
+            for looked_at, entry in enumerate(entries, 1):
+                if looked_at > most:
+                    break
+                if entry.name == "run.mcap" or CLOSED_NAME.fullmatch(entry.name):
+                    size += entry.stat().st_size
+        return size, looked_at <= most
+
+    @property
+    def is_run(self) -> bool:
+        """Whether anything of a record is there."""
+        if self.mcap_path.is_file():
+            return True
+        return any(CLOSED_NAME.fullmatch(name) and is_file() for name, is_file in self._entries())
 
     def foreign_segments(self) -> list[str]:
         """Whatever has the name of a segment that no run reaches, and what has that of a segment and is no file."""
-        closed = {path.name for path in self.closed_segments().values()}
-        names = (path.name for path in self.path.glob("run-*.mcap"))
-        return sorted(name for name in names if DIGITS.fullmatch(name) and name not in closed)
+        return sorted(
+            name
+            for name, is_file in self._entries()
+            if DIGITS.fullmatch(name) and not (CLOSED_NAME.fullmatch(name) and is_file())
+        )
+
+    def _entries(self) -> Iterator[tuple[str, Callable[[], bool]]]:
+        """Names of what lies in the folder, and whether each is a file, without asking the disk for each anew."""
+        try:
+            with os.scandir(self.path) as entries:
+                for entry in entries:
+                    yield entry.name, entry.is_file
+        except (FileNotFoundError, NotADirectoryError):
+            return  # as where nothing lies in it
 
     def segment_paths(self) -> list[Path]:
         """All files of the record that are there, oldest first."""
@@ -151,8 +181,8 @@ class RunFolder:
     def review_paths(self) -> list[Path]:
         """All files of the review that are there, oldest first; together they are one picture."""
         last = [self.review_path] if self.review_path.is_file() else []
-        parts = [path for path in self.path.glob("review-*.rrd") if CLOSED_REVIEW.fullmatch(path.name)]
-        return [*sorted(parts, key=lambda path: (len(path.name), path.name)), *last]
+        parts = [name for name, _ in self._entries() if CLOSED_REVIEW.fullmatch(name)]
+        return [*(self.path / name for name in sorted(parts, key=lambda name: (len(name), name))), *last]
 
     @property
     def configuration_path(self) -> Path:

@@ -145,14 +145,17 @@ def segment_number(metadata: Mapping[str, Mapping[str, str]]) -> int | None:
 
 
 def first_header(paths: list[Path]) -> tuple[McapPrefix, RunHeader]:
-    """The first head that can be believed; every segment has the same. Raises NotARunError."""
-    refusals: list[tuple[Path, str, Exception]] = []
-    for path in paths:
+    """A head that can be believed: of the first segment, the last or the next; all have the same. Raises
+    NotARunError.
+    """
+    first_refusal = None
+    for path in (*paths[:1], *paths[:0:-1][:1], *paths[1:-1]):
         file = McapPrefix(path)
         file.read_head()
         try:
             return file, RunHeader.from_metadata(file.metadata)
         except (ValueError, KeyError) as error:
-            refusals.append((path, str(error) if file.metadata else file.damage or str(error), error))
-    path, why, cause = refusals[0]
-    raise NotARunError(f"{path} cannot be read as a run: {printable(why)}; nothing in it can be trusted") from cause
+            why = str(error) if file.metadata else file.damage or str(error)
+            said = f"{path} cannot be read as a run: {printable(why)}; nothing in it can be trusted"
+            first_refusal = first_refusal or NotARunError(said)
+    raise first_refusal or NotARunError("a run without a file")

@@ -7,9 +7,10 @@ whole: it is small (one line a minute), and so it is never torn.
 
 import hashlib
 import json
+from bisect import bisect_right
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from runtime.atomic_write import atomic_write
 from runtime.bounded_read import read_bounded
@@ -35,6 +36,15 @@ KINDS: dict[str, dict[str, type]] = {
     "lost": {"name": str, "ticks": int, "reason": str},
 }
 """Kinds of lines, and what each has to say."""
+
+
+class Told(NamedTuple):
+    """What a manifest says of segments, by name, looked up once for whoever asks for each of many thousands."""
+
+    segments: dict[str, Facts]
+    removed: dict[str, str]
+    lost: set[str]
+    ticks: dict[str, int]
 
 
 class Manifest:
@@ -111,6 +121,10 @@ class Manifest:
         """How many ticks each closed segment has to hold, or went with a lost one, by name."""
         return {line["name"]: line["ticks"] for line in self.lines if line["kind"] in ("segment", "lost")}
 
+    def told(self) -> Told:
+        """All of it as it is now."""
+        return Told(self.segments, self.removed, self.lost, self.ticks)
+
     @property
     def marks(self) -> list[Facts]:
         """The marks that were left: from_ns, to_ns and reason."""
@@ -118,13 +132,14 @@ class Manifest:
 
     def marked(self, names: Iterable[str]) -> set[str]:
         """Those of these segments that lie within what a mark preserves; one that is not closed may lie in any."""
-        segments, marks = self.segments, self.marks
+        segments, kept = self.segments, _joined((mark["from_ns"], mark["to_ns"]) for mark in self.marks)
 
         def is_marked(name: str) -> bool:
             span = segments.get(name)
             if span is None:
-                return bool(marks)
-            return any(mark["from_ns"] <= span["last_ns"] and span["first_ns"] <= mark["to_ns"] for mark in marks)
+                return bool(kept)
+            before = bisect_right(kept, (span["last_ns"], FAR))  # the last that begins before the segment ends
+            return before > 0 and span["first_ns"] <= kept[before - 1][1]
 
         return set(filter(is_marked, names))
 
@@ -132,6 +147,17 @@ class Manifest:
         before = self.lines[-1]["chain"] if self.lines else ""
         text = json.dumps(facts, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(f"{before}{text}".encode()).hexdigest()
+
+
+def _joined(spans: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Spans in order, those that overlap as one, so that one question finds whether any of many holds."""
+    joined: list[tuple[int, int]] = []
+    for begin, end in sorted((min(span), max(span)) for span in spans):
+        if joined and begin <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(end, joined[-1][1]))
+        else:
+            joined.append((begin, end))
+    return joined
 
 
 def _check_types(facts: Facts) -> None:

@@ -4,6 +4,7 @@ The recorder takes it within a second, writes it into manifest and log, and remo
 the run's folder may mark: no network and no port is involved.
 """
 
+import os
 import threading
 from itertools import islice
 from pathlib import Path
@@ -64,7 +65,9 @@ def take_marks(folder: RunFolder) -> dict[Path, str]:
         return {}
     refuse_link(folder.marks_path)
     marks = {}
-    for path in sorted(islice(folder.marks_path.glob("*.txt"), MOST_MARKS)):
+    with os.scandir(folder.marks_path) as entries:  # no more of it than is needed: it may hold any number
+        names = sorted(islice((entry.name for entry in entries if entry.name.endswith(".txt")), MOST_MARKS))
+    for path in (folder.marks_path / name for name in names):
         try:
             content = read_bounded(path, LONGEST_FILE, follow=False)
         except FileNotFoundError:

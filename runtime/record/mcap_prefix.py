@@ -93,6 +93,8 @@ class McapPrefix:
         self._head_is_sure = False
         self._kept_bytes = self._unpacked_bytes = 0
         try:
+            if self.size < len(MAGIC):  # of many thousands it takes a while to open each
+                raise DamageError(0, "not the start of an MCAP file")
             with self.path.open("rb") as stream:
                 yield from self._messages(stream, topics)
             self.damage = ""

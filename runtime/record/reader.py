@@ -24,7 +24,7 @@ from runtime.messages.tick import (
 from runtime.printable import printable
 from runtime.record.folder import CLOSED_NAME, MOST_SEGMENTS, RunFolder
 from runtime.record.header import first_header, segment_number
-from runtime.record.manifest import Manifest
+from runtime.record.manifest import Manifest, Told
 from runtime.record.mcap_prefix import Channel, McapPrefix
 from runtime.tick import Tick, Timing
 from slam.estimate import Estimate
@@ -96,18 +96,17 @@ class RunReader:
     """
 
     def __init__(self, path: Path, tolerant: bool = False) -> None:
-        self.folder = RunFolder.open(path)
-        self._tolerant = tolerant
+        self.folder, self._tolerant = RunFolder.open(path), tolerant
         self._paths = self.folder.segment_paths()
         self._file, self.header = first_header(self._paths)
         self.attachments: Mapping[str, bytes] = self._file.attachments
         self.gaps: list[Gap] = []
         self._size = max(1, sum(path.stat().st_size for path in self._paths))
-        self._size_before = 0
         self.known_losses: list[str] = []  # segments that the manifest says are gone, for example for room
         self._losses: list[str] = []
+        self._alike = "", ""  # the segment from which on all are damaged alike, and how
         self.cut_off = False  # the last file ends where a recorder was killed: that is the last of the damages
-        self._ticks = 0
+        self._ticks = self._size_before = 0
         self._last_stamp_ns: int | None = None
         for name in self.folder.foreign_segments():
             self._refuse(self.folder.path / name, f"a run has at most {MOST_SEGMENTS} segments; move the file away")
@@ -155,17 +154,16 @@ class RunReader:
         topics: the only ones that are given, /tick among them; with `tolerant` all, to be checked.
         """
         topics = None if self._tolerant else topics
-        manifest = Manifest.load(self.folder.manifest_path)
-        lost = manifest.lost
-        self._losses, self.known_losses, self._size_before = [], [], 0
-        self.cut_off = False
+        told = Manifest.load(self.folder.manifest_path).told()
+        self._losses, self.known_losses, self._size_before, self._alike, self.cut_off = [], [], 0, ("", ""), False
         stamp_ns, expected, missing_ticks = 0, 1, 0  # missing_ticks: for which no gap has been given yet
         for index, path in enumerate(self._paths):
             ticks = 0
             self._size_before += self._file.size if index else 0
             self._file = file = McapPrefix(path)
             number = self._number(file)
-            missing_ticks += self._note_absent(expected, number, manifest, lost)
+            if number > expected:
+                missing_ticks += self._note_absent(expected, number, told)
             expected = max(expected, number + 1)
             if not file.damage and missing_ticks:
                 yield encode_gap(Gap(stamp_ns, missing_ticks, 0, self._losses[-1]))
@@ -175,15 +173,13 @@ class RunReader:
                 stamp_ns = record.stamp_ns
                 yield record
             if file.damage:
-                self.cut_off = file.cut_off and path == self._paths[-1] and path.name not in manifest.segments
-                name = "" if len(self._paths) == 1 else f"{path.name}: "
-                self._losses.append(f"{name}{file.damage} of {file.size}")
-                missing_ticks += max(1, manifest.ticks.get(path.name, 0) - ticks)
+                self.cut_off = file.cut_off and path == self._paths[-1] and path.name not in told.segments
+                self._note_damage(file)
+                missing_ticks += max(1, told.ticks.get(path.name, 0) - ticks)
             if file.foreign:
                 self._refuse(path, str(file.damage))
-        closed = manifest.segments
-        missing = closed.keys() - manifest.removed.keys() - {path.name for path in self._paths}
-        last = [name for name in sorted(missing) if closed[name]["number"] >= expected]
+        missing = told.segments.keys() - told.removed.keys() - {path.name for path in self._paths}
+        last = [name for name in sorted(missing) if told.segments[name]["number"] >= expected]
         self._losses += [f"{name} is missing for an unknown reason" for name in last]
         if not last and self._paths[-1].name != "run.mcap" and not self._losses:
             self._losses.append(f"the recording was cut off after {self._paths[-1].name}")
@@ -214,17 +210,28 @@ class RunReader:
             if not skips:
                 yield record
 
-    def _note_absent(self, expected: int, number: int, manifest: Manifest, lost: set[str]) -> int:
+    def _note_damage(self, file: McapPrefix) -> None:
+        """Say what is wrong with a segment; neighbours that are damaged alike are told together."""
+        name, (first, damage) = file.path.name, self._alike
+        if len(self._paths) == 1:
+            self._losses.append(f"{file.damage} of {file.size}")
+        elif damage == file.damage and self._losses and self._losses[-1].startswith(first):
+            self._losses[-1] = f"{first} to {name}: {damage}"
+        else:
+            self._losses.append(f"{name}: {file.damage} of {file.size}")
+            self._alike = name, file.damage or ""
+
+    def _note_absent(self, expected: int, number: int, told: Told) -> int:
         """Say which segments before `number` are gone, those of one reason together; returns ticks without a gap."""
-        removed, known_ticks, ticks = manifest.removed, manifest.ticks, 0
+        ticks = 0
         names = [RunFolder.closed_name(absent) for absent in range(expected, number)]
-        for reason, group in groupby(names, lambda name: removed.get(name, "unknown reason")):
+        for reason, group in groupby(names, lambda name: told.removed.get(name, "unknown reason")):
             gone = list(group)
             what = f"{gone[0]} is missing" if len(gone) == 1 else f"{gone[0]} to {gone[-1]} are missing"
             self._losses.append(f"{what}: {printable(reason)}")
-            self.known_losses += self._losses[-1:] if gone[0] in removed else []
+            self.known_losses += self._losses[-1:] if gone[0] in told.removed else []
             # the segment after a lost one begins with that gap
-            ticks += sum(known_ticks.get(name, 1) for name in gone if name not in lost or name != names[-1])
+            ticks += sum(told.ticks.get(name, 1) for name in gone if name not in told.lost or name != names[-1])
         return ticks
 
     def _refuse(self, path: Path, why: str) -> None:

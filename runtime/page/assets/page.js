@@ -133,7 +133,7 @@ async function runs() {
   const answer = await fetch("runs");
   if (!answer.ok) return;
   const found = await answer.json();
-  const told = found.runs.map((run) => [run.name, `${run.verdict} (${run.mb} MB)`]);
+  const told = found.runs.map((run) => [run.name, `${run.verdict} (${run.is_all ? "" : "over "}${run.mb} MB)`]);
   rows($("runs"), [["disk", found.free_gb === null ? "no such folder" : `${found.free_gb} GB free`], ...told]);
 }
 
