@@ -1,6 +1,9 @@
 """The connections of the page: so many at most, and none for long that neither asks nor reads."""
 
 import asyncio
+import socket
+import struct
+from collections import Counter
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -8,6 +11,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 MOST_CONNECTIONS = 250  # two for each of 100 viewers, and some to be told so; a process may have 1024 files
 LONGEST_SILENCE_S = 10.0  # before a request is whole
 LONGEST_STALL_S = 60.0  # of somebody who does not read what was asked for; a page asks again by itself
+RESET = struct.pack("ii", 1, 0)  # of SO_LINGER: do not wait until what was sent has been read
+SEND_BUFFER_BYTES = 64 << 10  # in the kernel, which takes megabytes before it says that nobody reads
 
 
 class BoundedConnection(H11Protocol):
@@ -16,12 +21,32 @@ class BoundedConnection(H11Protocol):
     _deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Close one too many at once."""
+        """Where it is one too many, close one that neither asks nor reads: else they would keep everyone out."""
         super().connection_made(transport)
+        if (wire := transport.get_extra_info("socket")) is not None:
+            wire.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+        self._end_within(LONGEST_SILENCE_S)
         if len(self.connections) > MOST_CONNECTIONS:
-            transport.abort()
-        else:
-            self._end_within(LONGEST_SILENCE_S)
+            self._least_useful().cut()
+
+    def cut(self) -> None:
+        """End it now. What the other end has not read would else stay in the kernel for minutes."""
+        if (wire := self.transport.get_extra_info("socket")) is not None:
+            wire.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
+        self.transport.abort()
+        self.connections.discard(self)  # or it would be the least useful again before the loop comes round
+
+    def _least_useful(self) -> "BoundedConnection":
+        """Of the address that has most connections that wait for their other end, the one that ends soonest."""
+        waiting = [(each._deadline, each) for each in self.connections if isinstance(each, BoundedConnection)]
+        timed = [(timer.when(), each) for timer, each in waiting if timer is not None and each is not self]
+        addresses = Counter(each.address for _, each in timed)
+        return min(timed, key=lambda one: (-addresses[one[1].address], one[0]), default=(0.0, self))[1]
+
+    @property
+    def address(self) -> str:
+        """Of the other end, without the port."""
+        return self.client[0] if self.client else ""
 
     def data_received(self, data: bytes) -> None:
         """A byte now and then is no request: only a whole one may take its time to be answered."""
@@ -57,7 +82,7 @@ class BoundedConnection(H11Protocol):
 
     def _end_within(self, seconds: float) -> None:
         self._forget_deadline()
-        self._deadline = self.loop.call_later(seconds, self.transport.abort)
+        self._deadline = self.loop.call_later(seconds, self.cut)
 
     def _forget_deadline(self) -> None:
         if self._deadline is not None:

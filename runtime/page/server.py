@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -25,7 +25,7 @@ from runtime.page.run_list import RunList
 from runtime.publish.commands import Answer
 from runtime.publish.pace import Allowance
 
-MOST_VIEWERS = 100
+MOST_VIEWERS, MOST_OF_ONE_ADDRESS = 100, 50
 REQUESTS_HZ, COMMANDS_HZ = 30.0, 2.0  # of one address
 MOST_ADDRESSES = 1000
 HEADERS = {
@@ -108,21 +108,22 @@ class Viewers:
     """Counts those who watch: each costs a few kB five times a second."""
 
     def __init__(self, hub: Hub) -> None:
-        self._hub, self._watching = hub, 0
+        self._hub, self._watching = hub, Counter[str]()
 
-    async def stream(self, _request: Request) -> Response:
+    async def stream(self, request: Request) -> Response:
         """Server-sent events until the viewer goes."""
-        if self._watching >= MOST_VIEWERS:
-            return PlainTextResponse(f"{MOST_VIEWERS} are watching already\n", 503)
-        return StreamingResponse(self._counted(), media_type="text/event-stream")
+        address = request.client.host if request.client else ""
+        if self._watching.total() >= MOST_VIEWERS or self._watching[address] >= MOST_OF_ONE_ADDRESS:
+            return PlainTextResponse(f"{self._watching.total()} are watching already\n", 503)
+        return StreamingResponse(self._counted(address), media_type="text/event-stream")
 
-    async def _counted(self) -> Any:
-        self._watching += 1
+    async def _counted(self, address: str) -> Any:
+        self._watching[address] += 1
         try:
             async for message in self._hub.messages():
                 yield message
         finally:
-            self._watching -= 1
+            self._watching -= Counter((address,))
 
 
 async def _asset(path: str, _request: Request) -> Response:

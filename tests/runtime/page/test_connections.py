@@ -23,7 +23,7 @@ class HandLoop:
         self.now_s, self.timers = 0.0, list[tuple[float, Callable[[], None], Any]]()
 
     def call_later(self, seconds: float, call: Callable[[], None]) -> Any:
-        handle = asyncio.TimerHandle(0.0, call, (), asyncio.new_event_loop())
+        handle = asyncio.TimerHandle(self.now_s + seconds, call, (), asyncio.new_event_loop())
         self.timers.append((self.now_s + seconds, call, handle))
         return handle
 
@@ -43,8 +43,8 @@ class HandLoop:
 class Wire(asyncio.Transport):
     """Nothing behind it."""
 
-    def __init__(self) -> None:
-        super().__init__()
+    def __init__(self, address: str) -> None:
+        super().__init__({"peername": (address, 4711)})
         self.is_ended = False
 
     def abort(self) -> None:
@@ -70,8 +70,8 @@ class Page:
         self.loop, self.state = HandLoop(), ServerState()
         self.config = uvicorn.Config(app, http=BoundedConnection, lifespan="off")
 
-    def connected(self) -> tuple[BoundedConnection, Wire]:
-        connection, wire = BoundedConnection(self.config, self.state, {}, self.loop), Wire()  # type: ignore[arg-type]
+    def connected(self, address: str = "192.0.2.1") -> tuple[BoundedConnection, Wire]:
+        connection, wire = BoundedConnection(self.config, self.state, {}, self.loop), Wire(address)  # type: ignore[arg-type]
         connection.connection_made(wire)
         return connection, wire
 
@@ -119,12 +119,34 @@ def test_who_reads_nothing_is_not_kept_and_who_reads_again_is() -> None:
     assert wire.is_ended
 
 
-def test_one_too_many_is_closed_and_its_place_is_free_again() -> None:
+def test_where_it_is_one_too_many_the_one_that_has_been_silent_for_longest_goes() -> None:
+    page = Page()
+    kept = []
+    for _ in range(MOST_CONNECTIONS):
+        kept.append(page.connected())
+        page.loop.sleep(0.5 * LONGEST_SILENCE_S / MOST_CONNECTIONS)
+    kept[0][0].data_received(ASKED)  # and is watching
+    assert not any(wire.is_ended for _, wire in kept)
+    newcomers = [page.connected() for _ in range(3)]
+    assert not any(wire.is_ended for _, wire in newcomers)
+    assert [wire.is_ended for _, wire in kept] == [False, True, True, True] + [False] * (MOST_CONNECTIONS - 4)
+
+
+def test_an_address_that_takes_most_loses_its_own() -> None:
+    page = Page()
+    first, wire = page.connected("198.51.100.1")
+    many = [page.connected() for _ in range(2 * MOST_CONNECTIONS)]
+    assert not wire.is_ended
+    assert sum(not wire.is_ended for _, wire in many) == MOST_CONNECTIONS - 1
+    assert first in page.state.connections
+
+
+def test_where_all_are_watching_one_too_many_is_closed_and_its_place_is_free_again() -> None:
     page = Page()
     kept = [page.connected() for _ in range(MOST_CONNECTIONS)]
-    assert not any(wire.is_ended for _, wire in kept)
-    refused, wire = page.connected()
+    for connection, _ in kept:
+        connection.data_received(ASKED)
+    _, wire = page.connected()
     assert wire.is_ended
-    refused.connection_lost(None)
     kept[0][0].connection_lost(None)
     assert not page.connected()[1].is_ended
