@@ -49,6 +49,7 @@ FORMS = {
 }
 ANY_TOPICS = Topics()
 FAST_SPACING_NS = 100_000_000
+SAMPLES_AT_ONCE = 10_000  # of the odometry are judged: all of a million at once take 400 MB
 SLOW_SPACING_NS = 50_000_000  # odometry that comes as poses is slow, and relations ask for poses within 50 ms
 
 
@@ -212,8 +213,10 @@ def _check_overlap(archive: Archive, seen_ns: list[int], wheels: list[WheelSampl
 def _count_refused(archive: Archive, configuration: Configuration, wheels: list[WheelSample]) -> None:
     """Say how many samples the estimator's dead reckoning will refuse, and which key decides it."""
     odometry = Odometry(configuration.slam.odometry)
-    odometry.add(tuple(wheels))
-    odometry.take_until(wheels[-1].stamp_ns)
+    for first in range(0, len(wheels), SAMPLES_AT_ONCE):
+        part = tuple(wheels[first : first + SAMPLES_AT_ONCE])
+        odometry.add(part)
+        odometry.take_until(part[-1].stamp_ns)
     vehicle = configuration.vehicle
     reasons = {
         "wheel_jumps": f"move faster than {vehicle.jump_speed_mps:.3g} m/s, 1.5 times vehicle.max_speed_mps = "

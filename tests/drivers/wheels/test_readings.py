@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from cantools.database.can import Database
+from crccheck.crc import Crc
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,6 +20,7 @@ from drivers.wheels.layouts.messages import FeedbackMessage, InfoMessage
 from drivers.wheels.pair import WheelPair
 from drivers.wheels.readings import NodeAlarm, NodeInfo, NodeState, Refused, Wheel, WheelReading
 from tests.support.drivers.candump import read_candump
+from tests.support.examples import examples
 
 LAYOUT = DbcLayout()
 MESSAGES = layout_messages(LAYOUT)
@@ -283,3 +285,22 @@ def test_modulus_comes_from_the_configuration_where_it_is_given() -> None:
 
 def test_counts_per_metre_follow_from_radius_and_counts_per_turn() -> None:
     assert EncoderSettings().counts_per_metre == pytest.approx(4096 / (2 * math.pi * 0.125))
+
+
+@given(
+    polynomial=st.integers(1, 255),
+    init=st.integers(0, 255),
+    xor_out=st.integers(0, 255),
+    over_id=st.booleans(),
+    data=st.binary(min_size=8, max_size=8),
+)
+@examples(60)
+def test_any_checksum_is_the_one_that_the_library_finds(
+    polynomial: int, init: int, xor_out: int, over_id: bool, data: bytes
+) -> None:
+    changes = {"crc_polynomial": polynomial, "crc_init": init, "crc_xor_out": xor_out, "crc_over_id": over_id}
+    signals = LAYOUT.left.model_copy(update=changes)
+    feedback = FeedbackMessage(Wheel.LEFT, MESSAGES[signals.message], signals, 1.0)
+    id_bytes = feedback.arbitration_id.to_bytes(2, "little") if over_id else b""
+    expected = Crc(8, polynomial, init, xor_output=xor_out).calc(id_bytes + data[:7])
+    assert feedback.checksum(data) == expected
