@@ -38,11 +38,16 @@ def in_start_frame(poses: FloatArray) -> FloatArray:
     return np.column_stack((positions, wrap_rads(poses[:, 2] + start.heading_rad)))
 
 
-def rigid_fit(points_m: FloatArray, onto_m: FloatArray) -> Pose2:
-    """The motion that brings points (n, 2) onto others with the least sum of squares (Arun et al. 1987, no scale)."""
-    centre, target = points_m.mean(axis=0), onto_m.mean(axis=0)
+def rigid_fit(points_m: FloatArray, onto_m: FloatArray, weights: FloatArray | None = None) -> Pose2:
+    """The motion that brings points (n, 2) onto others with the least sum of squares (Arun et al. 1987, no scale).
+
+    weights (n,): of the squares; all the same without.
+    """
+    centre, target = (np.average(rows, axis=0, weights=weights) for rows in (points_m, onto_m))
     a, b = points_m - centre, onto_m - target
-    heading = float(np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum()))
+    a_weighted = a if weights is None else a * weights[:, None]
+    crossed = a_weighted[:, 0] * b[:, 1] - a_weighted[:, 1] * b[:, 0]
+    heading = float(np.arctan2(crossed.sum(), (a_weighted * b).sum()))
     turned = Pose2(0.0, 0.0, heading).transform(centre)
     return Pose2(float(target[0] - turned[0]), float(target[1] - turned[1]), heading)
 

@@ -16,6 +16,7 @@ from slam.pose import composed
 
 RIGHT_M = 1.0
 SIGMAS = 3.0
+TRUTH_M = 0.1  # sigma of the truth itself: no pose fixes the frame better than that
 CELL_M = 0.05
 
 
@@ -73,20 +74,25 @@ def _errors(name: str, error: PathError) -> Result:
 
 
 def _quality_against(drive: Driven, places: FloatArray, point: Mount) -> dict[str, float]:
-    """At every tick between two places: its quality and sigma, and the error after the rigid fit.
+    """At every tick between two places: its quality and sigma, and the error in the frame of the map.
 
-    The error is known at the times of the places and linear between them: scans may come seconds apart, and a quality
-    that doubts itself from scan to scan would be seen only at its best.
+    A covariance says how far the pose is off in that frame, which the poses define that are known best: each counts in
+    the fit by its own. What was in another map than most, a new one that began on unknown ground, is in another frame
+    and left out. The error is known at the times of the places and linear between them: scans may come seconds apart,
+    and a quality that doubts itself from scan to scan would be seen only at its best.
     """
+    numbers, ticks = np.unique(drive.maps, return_counts=True)
+    in_map = drive.maps == numbers[np.argmax(ticks)]
     points = composed(poses_at(drive.published, places[:, 0]), np.array(point))[:, :2]
-    known = np.isfinite(points[:, 0])
+    at = np.minimum(np.searchsorted(drive.published[:, 0], places[:, 0]), len(in_map) - 1)
+    known = np.isfinite(points[:, 0]) & in_map[at]
     if known.sum() < LEAST_FIT_POINTS:
         return {}
-    points, onto = points[known], places[known, 1:3]
-    misses_m = rigid_fit(points, onto).transform(points) - onto
+    points, onto, sigma_m = points[known], places[known, 1:3], drive.sigma_m[at[known]]
+    misses_m = rigid_fit(points, onto, 1.0 / (sigma_m**2 + TRUTH_M**2)).transform(points) - onto
     misses = np.column_stack((places[known, 0], misses_m, np.zeros(len(misses_m))))
     errors_m = np.hypot(*poses_at(misses, drive.published[:, 0])[:, :2].T)
-    between = np.flatnonzero(np.isfinite(errors_m))
+    between = np.flatnonzero(np.isfinite(errors_m) & in_map)
     if not len(between):
         return {}
     return quality_shares(errors_m[between], drive.sigma_m[between], [drive.qualities[tick] for tick in between])

@@ -28,7 +28,7 @@ def test_errors_are_those_after_the_fit_and_a_quality_is_judged_at_every_tick() 
     qualities = [Quality.TRACKING] * 101
     qualities[20:40] = [Quality.LOST] * 20
     sigma = np.full(101, 0.9)
-    drive = Driven(published, line(101), sigma, tuple(qualities), np.zeros(101), 3, 0)
+    drive = Driven(published, line(101), sigma, np.ones(101), tuple(qualities), np.zeros(101), 3, 0)
     truth = DataSetTruth(poses=line(101)[::2], of_body=True)
     figures = truth_figures(drive, truth, (5.0, 0.0, 0.0))
     assert figures["odometry_rms_m"] == pytest.approx(0.0, abs=1e-9)
@@ -38,11 +38,32 @@ def test_errors_are_those_after_the_fit_and_a_quality_is_judged_at_every_tick() 
     assert "published_relation_m" not in figures
 
 
+def false_tracking_of(published: FloatArray, sigma_m: FloatArray, maps: FloatArray) -> float:
+    drive = Driven(published, line(101), sigma_m, maps, (Quality.TRACKING,) * 101, np.zeros(101), 3, 0)
+    return float(truth_figures(drive, DataSetTruth(poses=line(101), of_body=True), HERE)["false_tracking"])
+
+
+def test_a_drive_that_knows_how_far_it_strayed_was_not_wrong_where_it_knew_its_place() -> None:
+    strayed, sigma_m = line(101), np.full(101, 0.1)
+    strayed[30:90, 2] += 6.0
+    assert false_tracking_of(strayed, sigma_m, np.ones(101)) > 0.4
+    sigma_m[30:90] = 3.0
+    assert false_tracking_of(strayed, sigma_m, np.ones(101)) == 0.0
+
+
+def test_what_is_in_another_map_is_in_another_frame() -> None:
+    published, maps = line(101), np.ones(101)
+    published[40:60, 1:3] += (50.0, -20.0)
+    assert false_tracking_of(published, np.ones(101), maps) > 0.1
+    maps[40:60] = 2.0
+    assert false_tracking_of(published, np.ones(101), maps) == 0.0
+
+
 def test_relations_decide_over_the_odometry_where_the_set_has_them() -> None:
     published, odometry = line(11), line(11)
     odometry[:, 1] *= 1.2
     published[:, 1] *= 1.1
-    drive = Driven(published, odometry, np.ones(11), (Quality.TRACKING,) * 11, np.zeros(11), 0, 0)
+    drive = Driven(published, odometry, np.ones(11), np.ones(11), (Quality.TRACKING,) * 11, np.zeros(11), 0, 0)
     relations = np.array([[0.0, 10.0, 10.0, 0.0, 0.0], [2.25, 4.25, 2.0, 0.0, 0.0]])
     figures = truth_figures(drive, DataSetTruth(relations=relations), HERE)
     assert figures["published_relation_m"] == pytest.approx(0.5 * (1.0 + 0.2))
