@@ -157,7 +157,7 @@ class Estimator:
 
         # the joint Gaussian, whose pose is published, and whether it can be believed
         confidence = Confidence(self._quality.settled_before, self._quality.map_is_kept)
-        matched = self._joint.observe(rows, outcome.matches, sight, confidence, laid=laid is not None)
+        matched = self._joint.observe(rows, outcome.matches, sight, confidence, self._alignment.asks_for_two)
         evidence, lies = self._joint.evidence, False
         if not self._quality.is_doubted:
             self._view.learn(evidence.found, evidence.missed)
@@ -171,13 +171,13 @@ class Estimator:
         # the way back, where the pose is in doubt or a place may be known
         points = NO_POINTS if laid is None else self._keyframes.thinned(laid).astype(np.float32)
         seen = ScanSeen(scan.stamp_ns, increment.mean, increment.covariance, rows, sight, seen_share, points)
-        fits = () if laid is None else tuple(self._keyframes.fits)
-        told = (seen, measured, self._odometry.odom_from_body, matched, fits, self._relocaliser.here.progress)
+        keyframes, progress = self._keyframes, self._relocaliser.here.progress
         recognition = self._relocaliser.step(seen, matched, self._quality)
+        told = (seen, measured, self._odometry.odom_from_body, matched, keyframes.take_fits(), progress)
         if recognition is not None:
             self._go_on_here()
-        after = (self._relocaliser.here.progress, self._joint.map_from_body, self._joint.covariance)
-        self._witness(ScanTaken(*told, *after))
+        here, joint = self._relocaliser.here, self._joint
+        self._witness(ScanTaken(*told, here.progress, joint.map_from_body, joint.covariance))
         self._mark("relocalise")
         if cause := broken(self._joint, self._particles, self._quality):
             raise BrokenFilterError(cause)

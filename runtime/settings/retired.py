@@ -115,10 +115,12 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
         "slam.joint.settled_scans": (30, "SETTLED_SCANS"),
         "slam.quality.settled_scans": (30, "SETTLED_SCANS"),
     },
-    "slam/joint/gaussian.py": {
+    "slam/joint/association.py": {
         "slam.joint.match_widest_square": (13.816, "MATCH_WIDEST_SQUARE"),
         "slam.joint.slip_square": (100.0, "SLIP_SQUARE"),
         "slam.joint.create_square": (25.0, "CREATE_SQUARE"),
+    },
+    "slam/joint/gaussian.py": {
         "slam.joint.confirmed_log_odds": (3.0, "CONFIRMED_LOG_ODDS"),
         "slam.joint.association": ("own", "Variant.association"),
         "slam.joint.creation": ("licensed", "Variant.creation"),
@@ -222,18 +224,14 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
     "runtime/review/columns.py": {
         "review.sigmas": (2.0, "SIGMAS"),
     },
-    "runtime/review/writer.py": {
-        "review.trace_every": (10, "TRACE_EVERY"),
-        "review.batch_ticks": (10, "BATCH_TICKS"),
-    },
+    "runtime/review/writer.py": {"review.trace_every": (10, "TRACE_EVERY"), "review.batch_ticks": (10, "BATCH_TICKS")},
 }
 """By file: the key, the constant that it became, and that constant's name there."""
 
 TABLES = {
     **{f"encoders.layout.{side}.info": "INFANT_* in drivers/settings/layouts.py" for side in ("left", "right")},
     "simulation.world.laser": "LaserGeometrySettings in drivers/settings/simulated_world.py",
-    "simulation.laser.faults": "`infant sim`, which takes faults while it runs",
-    "simulation.wheels.faults": "`infant sim`, which takes faults while it runs",
+    **{f"simulation.{of}.faults": "`infant sim`, which takes faults while it runs" for of in ("laser", "wheels")},
     "laser.raw": "record.raw, which decides it",
     "encoders.layout.messages": 'a DBC file, which says the same (kind = "dbc")',
     "simulation.laser.speed_rpm": "LaserModel profiles in drivers/simulated/laser/profiles.py",

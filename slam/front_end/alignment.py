@@ -63,7 +63,8 @@ class Alignment:
     where too few of the scans are young enough to vote on the new one.
 
     refined: how many increments it has refined; found_widely: how many of them by the wide search, made last at
-    searched_ns. laid: the beams of the latest scan, None where it was not laid onto others.
+    searched_ns. laid: the beams of the latest scan, None where it was not laid onto others;
+    is_disputed: it contradicts the wheels, and neither is clearly right.
     """
 
     def __init__(self, settings: FrontEndSettings, body_from_laser: Pose2) -> None:
@@ -76,13 +77,19 @@ class Alignment:
         self.searched_ns: int | None = None
         self.refined = self.found_widely = 0
         self.laid: Beams | None = None
+        self.is_disputed = False
+
+    @property
+    def asks_for_two(self) -> bool:
+        """Whether the latest scan, laid or disputed, is such that one landmark alone should not move the pose."""
+        return self.laid is not None or self.is_disputed
 
     def refine(self, scan: ScanLike, increment: Increment) -> Increment:
         """The increment up to this scan, better known where that is needed, as it is elsewhere.
 
         Shown every scan once and in order. Raises ValueError when the bearings of a sparse scan do not increase.
         """
-        self.laid = None
+        self.laid, self.is_disputed = None, False
         if not self._settings.alignment.enabled or not isinstance(scan, Scan) or scan.ranges_m.size < 2:
             return increment
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
@@ -163,6 +170,10 @@ class Alignment:
             turned = search.best(prior, covariance + TURNED, along=True)
             if turned[2] >= count - SLIP_GAIN * len(search.points_m):
                 motion, information, count = turned
+        elif _square(motion - prior, covariance) > SUSPECT_SQUARE:  # they hold the search where it cannot be
+            freed = search.best(prior, covariance + SLIPPED, along=True, starts=TURNED_STARTS)
+            if freed[2] > count:
+                motion, information, count = freed
         share = count / len(search.points_m)
         if self._usual_fit - share > UNUSUAL_SHARE:
             found = None
@@ -180,12 +191,14 @@ class Alignment:
         if count < max(LEAST_POINTS, LEAST_SHARE * len(search.points_m)):
             return increment
         refined: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        square = float(off @ np.linalg.solve(covariance, off))
+        square = _square(off, covariance)
         if not only_if_slipped:
             self._trust.compare(off, covariance, refined)
         contradicts = not square <= (SUSPECT_SQUARE if only_if_slipped else WIDEST_SQUARE)  # also where it is NaN
         if contradicts and not self._have_slipped(search, prior, motion, count):
-            return increment
+            self.is_disputed = not only_if_slipped
+            either = np.outer(off, off) if self.is_disputed else 0.0  # may be right
+            return replace(increment, covariance=increment.covariance + either)
         if only_if_slipped and (increment.at_rest or not contradicts):  # at rest, what moves is the door
             return increment
         self.refined += 1
@@ -222,13 +235,15 @@ class Alignment:
     def _have_slipped(self, search: Search, by_wheels: FloatArray, motion: FloatArray, count: int) -> bool:
         """Whether a motion that contradicts the wheels is clearly the better one: wheels slip, and tyres lose grip.
 
-        On the older scans, too: since then a walker nearby has moved on, and what stands has not.
+        On what the older scans know of its points, too: since then a walker nearby has moved on, and what stands has
+        not.
         """
-        least, older = SLIP_GAIN * len(search.points_m), search.older(LATEST)
+        points, older = len(search.points_m), search.older(LATEST)
+        on, by_wheels_on = older.on_surfaces(motion), older.on_surfaces(by_wheels)
         return (
-            count >= SLIP_SHARE * len(search.points_m)
-            and count - search.on_surfaces(by_wheels) >= least
-            and older.on_surfaces(motion) - older.on_surfaces(by_wheels) >= least
+            count >= min(SLIP_SHARE, self._usual_fit - UNUSUAL_SHARE) * points
+            and count - search.on_surfaces(by_wheels) >= SLIP_GAIN * points
+            and on - by_wheels_on >= SLIP_GAIN * max(on, by_wheels_on)
         )
 
     def _references(self) -> list[SeenFrom]:
@@ -250,6 +265,10 @@ class Alignment:
             seen.normals = np.empty_like(beams.points_m)
             surface_normals(beams.points_m, beams.spacing_rad, seen.normals)
         return seen.normals
+
+
+def _square(off: FloatArray, covariance: FloatArray) -> float:
+    return float(off @ np.linalg.solve(covariance, off))
 
 
 def same_directions(first: Scan, second: Scan) -> bool:

@@ -14,7 +14,12 @@ from slam.angles import wrapped
 from slam.compiled import kernel, leaf
 from slam.joint.measurement import FIRST_PLACE, JointArrays, fold, innovation_covariance, slopes
 from slam.observations import AMBIGUOUS, EXCLUDED, NEW, PENDING, UNLICENSED, FeatureRows, Sighting
+from slam.settings.tuning import Tuning
 from slam.visibility import sighting_of
+
+MATCH_WIDEST_SQUARE = 13.816  # the widest gate: 99.9 % of true matches
+CREATE_SQUARE = 25.0  # a feature nearer than this to a landmark creates none: it may be that landmark
+SLIP_SQUARE = 100.0  # gate within which an old landmark is looked for when most are not where the wheels say
 
 
 class Gates(NamedTuple):
@@ -29,6 +34,12 @@ class Gates(NamedTuple):
     match_widest: float
     create: float
     slip: float
+
+
+def gates_of(tuning: Tuning) -> Gates:
+    """The gates of the settings."""
+    per_metre = tuning.match_per_metre_square if tuning.density else 0.0
+    return Gates(tuning.match_square, per_metre, MATCH_WIDEST_SQUARE, CREATE_SQUARE, SLIP_SQUARE)
 
 
 @leaf
@@ -115,6 +126,20 @@ def expected_within(joint: JointArrays, places: IntArray) -> FloatArray:
         rr, _, bb = innovation_covariance(joint.covariance, at, slope)
         sigma_m[index] = math.sqrt(max(rr + slope.range_m * slope.range_m * bb, 0.0))
     return sigma_m
+
+
+@kernel
+def lie_near(joint: JointArrays, places: IntArray, features: FeatureRows, gate: float) -> BoolArray:
+    """(k,) at which of the landmarks at places (k,) a feature lies within the gate, whatever it was matched with."""
+    near = np.zeros(places.size, dtype=np.bool_)
+    for landmark in range(places.size):
+        for feature in features.order:
+            sighting = sighting_of(features, feature)
+            square, _ = distance_to(joint.mean, joint.covariance, joint.mount, places[landmark], sighting)
+            if square <= gate:
+                near[landmark] = True
+                break
+    return near
 
 
 @kernel

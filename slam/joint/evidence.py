@@ -60,23 +60,36 @@ class Confidence:
 CONFIDENT = Confidence()
 
 
+class Asked(NamedTuple):
+    """Landmarks that can be in view.
+
+    places (k,) in the predicted joint state; settled (k,): which of them count; undecided (k,): those that are not
+    missed though unmatched, because a feature lay where they may be.
+    """
+
+    places: IntArray
+    settled: BoolArray
+    undecided: BoolArray
+
+
 class DetectionRates(NamedTuple):
     """How often landmarks in clear view are found.
 
     Of those (k,) that can be in view: looks at each and finds, after it was found; whether it was missed the last time.
-    after_miss (2,): looks and finds of all landmarks after a miss.
+    after_miss (2,): looks and finds of all landmarks after a miss. from_elsewhere: the last look that counts was from
+    another place; from one place all looks see the same.
     """
 
     looks: FloatArray
     finds: FloatArray
     missed: BoolArray
     after_miss: FloatArray
+    from_elsewhere: bool
 
 
 def score(
     joint: JointArrays,
-    places: IntArray,
-    settled: BoolArray,
+    asked: Asked,
     features: FeatureRows,
     chosen: IntArray,
     sight: SightLine,
@@ -85,10 +98,9 @@ def score(
 ) -> Evidence:
     """Evidence of one scan before it is folded in; rates are brought up to date in place.
 
-    places (k,): landmarks of the predicted joint state that can be in view; settled (k,): which of them count. chosen
-    (K,): number of a landmark among places, or a verdict.
+    chosen (K,): number of a landmark among those asked for, or a verdict.
     """
-    known, found, missed, against, squares = _score(joint, places, settled, features, chosen, sight, rates, tuning)
+    known, found, missed, against, squares = _score(joint, asked, features, chosen, sight, rates, tuning)
     against = min(max(against, -MOST_OF_A_SCAN), MOST_OF_A_SCAN)
     return Evidence(known, found, missed, against, squares / max(found, 1))
 
@@ -97,11 +109,11 @@ def score(
 def learn(rates: DetectionRates, index: int, is_found: bool) -> None:
     """Bring the rates up to date with one look at a landmark in clear view."""
     find = 1.0 if is_found else 0.0
-    if rates.missed[index]:
+    if rates.from_elsewhere and rates.missed[index]:
         fading = min(1.0, (MOST_LOOKS_AFTER_MISS - 1.0) / rates.after_miss[0])
         rates.after_miss[0] = fading * rates.after_miss[0] + 1.0
         rates.after_miss[1] = fading * rates.after_miss[1] + find
-    else:
+    elif rates.from_elsewhere:
         fading = min(1.0, (MOST_LOOKS - 1.0) / max(rates.looks[index], 1.0))
         rates.looks[index] = fading * rates.looks[index] + 1.0
         rates.finds[index] = fading * rates.finds[index] + find
@@ -111,8 +123,7 @@ def learn(rates: DetectionRates, index: int, is_found: bool) -> None:
 @kernel
 def _score(
     joint: JointArrays,
-    places: IntArray,
-    settled: BoolArray,
+    asked: Asked,
     features: FeatureRows,
     chosen: IntArray,
     sight: SightLine,
@@ -121,7 +132,7 @@ def _score(
 ) -> tuple[int, int, int, float, float]:
     """Known, found, missed, log-odds against the pose, and the sum of the squared distances of the found ones."""
     sensor = sensor_pose(joint.mean, joint.mount)
-    by = np.full(places.size, -1)
+    places, by = asked.places, np.full(asked.places.size, -1)
     for feature in range(chosen.size):
         if chosen[feature] >= 0:
             by[chosen[feature]] = feature
@@ -129,14 +140,14 @@ def _score(
     for index in range(places.size):
         x, y = joint.mean[places[index]], joint.mean[places[index] + 1]
         is_found = by[index] >= 0
-        is_missed = not is_found and in_clear_view(x, y, sensor, sight, tuning)
+        is_missed = not is_found and not asked.undecided[index] and in_clear_view(x, y, sensor, sight, tuning)
         if rates.missed[index]:
             rate = rates.after_miss[1] / rates.after_miss[0]
         else:
             rate = (rates.finds[index] + FIRST_FINDS) / (rates.looks[index] + FIRST_LOOKS)
         if is_found or is_missed:
             learn(rates, index, is_found)
-        if not settled[index]:
+        if not asked.settled[index]:
             continue
         rate = max(rate, CHANCE)
         if is_found:

@@ -11,23 +11,24 @@ import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.estimate import LandmarkMap
-from slam.joint.association import Gates, associate_by_hint
+from slam.joint.association import associate_by_hint, gates_of
 from slam.joint.atlas import AWAY
 from slam.joint.evidence import (
     CONFIDENT,
     FIRST_FINDS_AFTER_MISS,
     FIRST_LOOKS_AFTER_MISS,
     SETTLED_SCANS,
+    Asked,
     Confidence,
     DetectionRates,
     Evidence,
     score,
 )
 from slam.joint.kernels import predict, update
-from slam.joint.keyframe_axis import AHEAD, BEHIND, between, between_with_covariance, condition
+from slam.joint.keyframe_axis import AHEAD, BEHIND, between_with_covariance, condition, seen_from
 from slam.joint.measurement import FIRST_PLACE, JointArrays
-from slam.joint.neighbours import block, places_within, update_existence
-from slam.joint.slip import associate_with_slip
+from slam.joint.neighbours import block, places_within, standing_double, update_existence
+from slam.joint.slip import associate_with_slip, undecided
 from slam.joint.state import MOST_IN_STATE, JointState
 from slam.observations import IDENTITIES_PER_SCAN, NEW, PENDING, FeatureRows
 from slam.pose import Pose2
@@ -35,9 +36,7 @@ from slam.settings.joint import JointSettings
 from slam.settings.tuning import Tuning
 from slam.visibility import NO_SIGHT, SightLine, sensor_pose, sighting_of
 
-MATCH_WIDEST_SQUARE = 13.816  # the widest gate: 99.9 % of true matches
-SLIP_SQUARE = 100.0  # gate within which an old landmark is looked for when most are not where the wheels say
-CREATE_SQUARE = 25.0  # a feature nearer than this to a landmark creates none: it may be that landmark
+LOOK_STEP_M = 0.1  # a radian counted as a metre: a look from nearer than this is the same look again
 CONFIRMED_LOG_ODDS = 3.0  # a landmark that leaves the view below this is forgotten: a chance point
 SMALLEST_VARIANCE = 1e-12  # m^2 and rad^2: keeps the published covariance positive where the map frame is defined
 KEYFRAME = -1  # identity of an end of a keyframe's axis
@@ -74,6 +73,7 @@ class JointGaussian:
         self._reach_m = self._tuning.range_max_m + self._tuning.range_margin_m
         self.state = JointState(settings, self._reach_m, self._tuning.cell_m)
         self._jump = np.zeros(2)
+        self._since_look_m = 0.0
         self.after_miss = np.array((FIRST_LOOKS_AFTER_MISS, FIRST_FINDS_AFTER_MISS))
         self.keyframe_ends = np.zeros((0, 2), dtype=np.int64)
         self.scans = self.moves = self.refused = 0
@@ -113,13 +113,7 @@ class JointGaussian:
 
     def from_keyframes(self) -> FloatArray:
         """(K, 3) the body as seen from every keyframe; inf where one is outside the state."""
-        state = self.state
-        places = state.atlas.place[self.keyframe_ends]
-        inside = np.flatnonzero((places >= FIRST_PLACE).all(axis=1))
-        seen = np.full((len(places), 3), math.inf)
-        ends = (np.column_stack((state.mean[at], state.mean[at + 1])) for at in places[inside].T)
-        seen[inside] = between(state.mean, *ends)
-        return seen
+        return seen_from(self.state.mean, self.state.atlas.place[self.keyframe_ends])
 
     def from_keyframe(self, number: int) -> tuple[FloatArray, FloatArray]:
         """The body (3,) as seen from one keyframe of the state, and its covariance (3, 3)."""
@@ -158,6 +152,7 @@ class JointGaussian:
     def predict(self, mean: FloatArray, covariance: FloatArray) -> None:
         """Move the pose by an increment (3,) and (3, 3) since the last scan in the body frame of then."""
         self.moves += 1
+        self._since_look_m += math.hypot(mean[0], mean[1]) + abs(mean[2])
         state, jump = self.state, self._jump
         if np.isfinite(mean).all() and np.isfinite(covariance).all():
             predict(state.mean, state.covariance, state.size, mean, covariance, float(jump[0]), float(jump[1]))
@@ -171,14 +166,15 @@ class JointGaussian:
         hints: IntArray,
         sight: SightLine = NO_SIGHT,
         confidence: Confidence = CONFIDENT,
+        asks_for_two: bool = False,
         begins: bool = False,
-        laid: bool = False,
     ) -> IntArray:
         """What the scan at the predicted pose shows; where a map begins everything may create a landmark.
 
         hints (K,): identities or verdicts of the best particle, for a variant. sight: how far the scan looked.
-        confidence: what earlier scans said of the pose; while it is lost, nothing is written into the map. laid: onto
-        others, so no single landmark need close a loop. Returns this filter's own identities or verdicts (K,).
+        confidence: what earlier scans said of the pose; while it is lost, nothing is written into the map.
+        asks_for_two: landmarks that may be anywhere move the pose together or not at all. Returns this filter's own
+        identities or verdicts (K,).
         """
         state = self.state
         features = features._replace(may_create=features.may_create | (begins or self._variant.creation == "any"))
@@ -186,18 +182,23 @@ class JointGaussian:
         places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
         if len(self.keyframe_ends):
             places = places[state.atlas.identities[state.rows_at(places)] != KEYFRAME]
-        chosen = self._associate(features, hints, places, laid)
+        chosen = self._associate(features, hints, places, asks_for_two)
         settled = self._settled(places, confidence.settled_before)
+        unsure = undecided(self._arrays, places, asks_for_two, features, gates_of(self._tuning))
         near, atlas = state.rows_at(places), state.atlas
-        rates = DetectionRates(atlas.looks[near], atlas.finds[near], atlas.missed[near], self.after_miss.copy())
-        self.evidence = score(self._arrays, places, settled, features, chosen, sight, rates, self._tuning)
+        from_elsewhere = self._since_look_m >= LOOK_STEP_M
+        if from_elsewhere:
+            self._since_look_m = 0.0
+        looked = (atlas.looks[near], atlas.finds[near], atlas.missed[near], self.after_miss.copy())
+        rates, asked = DetectionRates(*looked, from_elsewhere), Asked(places, settled, unsure)
+        self.evidence = score(self._arrays, asked, features, chosen, sight, rates, self._tuning)
         matched = np.flatnonzero(chosen >= 0)
         self._update(places[chosen[matched]], matched, features)
         verdicts = chosen.copy()
         verdicts[matched] = atlas.identities[near[chosen[matched]]]
         if not confidence.lost:
-            atlas.looks[near], atlas.finds[near], atlas.missed[near], self.after_miss = rates
-            self._existence(places, chosen[matched], sight)
+            atlas.looks[near], atlas.finds[near], atlas.missed[near], self.after_miss = looked
+            self._existence(places, chosen[matched], sight, told_apart=bool((features.identities >= 0).any()))
             self._create(features, chosen, hints)
         state.put_away()
         self.scans += 1
@@ -206,11 +207,7 @@ class JointGaussian:
     def landmarks(self) -> LandmarkMap:
         """All landmarks of the map; covariances of those far away are as they were when last near."""
         state, atlas = self.state, self.state.atlas
-        means, covariances = state.settled_means(), atlas.covariances.copy()
-        places = FIRST_PLACE + 2 * np.arange(state.count)
-        for row in range(2):
-            for column in range(2):
-                covariances[state.rows, row, column] = state.covariance[places + row, places + column]
+        means, covariances = state.settled_means(), state.settled_covariances()
         used = np.flatnonzero((atlas.place >= AWAY) & (atlas.identities != KEYFRAME))
         return LandmarkMap(atlas.identities[used], means[used], covariances[used], atlas.log_odds[used])
 
@@ -219,7 +216,7 @@ class JointGaussian:
         state = self.state
         atlas, rows = state.atlas, state.rows
         learnt = (atlas.log_odds[rows], atlas.looks[rows], atlas.finds[rows], atlas.missed[rows], self.after_miss)
-        parts = (state.mean[: state.size], state.covariance[:3, : state.size], *learnt)
+        parts = (state.mean[: state.size], state.covariance[:3, : state.size], *learnt, np.array(self._since_look_m))
         return b"".join(part.tobytes() for part in parts)
 
     @property
@@ -227,17 +224,16 @@ class JointGaussian:
         """The state as compiled code takes it."""
         return JointArrays(self.state.mean, self.state.covariance, self.state.size, self._mount)
 
-    def _associate(self, features: FeatureRows, hints: IntArray, places: IntArray, laid: bool) -> IntArray:
+    def _associate(self, features: FeatureRows, hints: IntArray, places: IntArray, asks_for_two: bool) -> IntArray:
         """(K,) numbers of landmarks among places (k,), or verdicts."""
         tuning, state = self._tuning, self.state
         reported = bool((features.identities >= 0).any())
         if not reported and self._variant.association == "own":
-            per_metre = tuning.match_per_metre_square if tuning.density else 0.0
-            gates = Gates(tuning.match_square, per_metre, MATCH_WIDEST_SQUARE, CREATE_SQUARE, SLIP_SQUARE)
-            old = self._settled(places, self.scans - SETTLED_SCANS)
-            return associate_with_slip(self._arrays, places, self._landmark_places(), old, laid, features, gates)
+            old, everywhere = self._settled(places, self.scans - SETTLED_SCANS), self._landmark_places()
+            gates = gates_of(tuning)
+            return associate_with_slip(self._arrays, places, everywhere, old, asks_for_two, features, gates)
         mean, covariance = block(state.mean, state.covariance, places)
-        gate = tuning.match_known_square if reported else MATCH_WIDEST_SQUARE
+        gate = tuning.match_known_square if reported else gates_of(tuning).match_widest
         hints = features.identities if reported else hints
         known = state.atlas.identities[state.rows_at(places)]
         chosen = np.full(len(hints), PENDING, dtype=np.int64)
@@ -272,8 +268,10 @@ class JointGaussian:
         if math.hypot(float(jump[0]), float(jump[1])) > SHIFTED_M:
             state.sort_anew()
 
-    def _existence(self, places: IntArray, matched: IntArray, sight: SightLine) -> None:
-        """Existence log-odds (6); removes what was missed too often, and what leaves the view unconfirmed."""
+    def _existence(self, places: IntArray, matched: IntArray, sight: SightLine, *, told_apart: bool) -> None:
+        """Existence log-odds (6); removes what was missed too often, what leaves the view unconfirmed, and the younger
+        of two landmarks in one place, unless they are told apart by what they report.
+        """
         tuning, state, atlas = self._tuning, self.state, self.state.atlas
         seen = np.zeros(len(places), dtype=np.bool_)
         seen[matched] = True
@@ -285,6 +283,9 @@ class JointGaussian:
             return
         bound = np.full(state.count, CONFIRMED_LOG_ODDS)
         bound[(places - FIRST_PLACE) // 2] = tuning.log_odds_remove
+        if not told_apart:
+            double = standing_double(state.mean, places, atlas.identities[near])
+            bound[(places[double] - FIRST_PLACE) // 2] = math.inf
         bound[atlas.frozen[state.rows]] = -math.inf
         for number in np.flatnonzero(atlas.log_odds[state.rows] < bound)[::-1].tolist():
             state.remove(number)

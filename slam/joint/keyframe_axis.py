@@ -12,6 +12,7 @@ from drivers.measurements import FloatArray, IntArray
 from slam.angles import wrapped
 from slam.compiled import kernel
 from slam.joint.kernels import apply_change
+from slam.joint.measurement import FIRST_PLACE
 from slam.observations import Sighting
 
 HALF_AXIS_M = 2.0
@@ -35,6 +36,15 @@ def between(mean: FloatArray, ahead_m: FloatArray, behind_m: FloatArray) -> Floa
             np.arctan2(np.sin(turns), np.cos(turns)),
         )
     )
+
+
+def seen_from(mean: FloatArray, places: IntArray) -> FloatArray:
+    """(K, 3) the body as seen from keyframes whose ends are at places (K, 2); inf where one is outside the state."""
+    inside = np.flatnonzero((places >= FIRST_PLACE).all(axis=1))
+    seen = np.full((len(places), 3), math.inf)
+    ahead, behind = (np.column_stack((mean[at], mean[at + 1])) for at in places[inside].T)
+    seen[inside] = between(mean, ahead, behind)
+    return seen
 
 
 def poses_of(ends_m: FloatArray) -> FloatArray:

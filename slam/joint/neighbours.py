@@ -10,6 +10,8 @@ from slam.joint.measurement import FIRST_PLACE, JointArrays
 from slam.settings.tuning import Tuning
 from slam.visibility import SightLine, in_clear_view, sensor_pose
 
+DOUBLE_M = 0.1  # landmarks that stand nearer to each other are one: no two features of a scan do
+
 
 @leaf
 def update_existence(
@@ -39,6 +41,20 @@ def neighbour_distances(mean: FloatArray, places: IntArray, others: IntArray) ->
                 nearest[index] = min(nearest[index], dx * dx + dy * dy)
     root: FloatArray = np.sqrt(nearest)
     return root
+
+
+@kernel
+def standing_double(mean: FloatArray, places: IntArray, identities: IntArray) -> BoolArray:
+    """(k,) which landmarks at places (k,) stand where one of a smaller identity does, which is older."""
+    double = np.zeros(places.size, dtype=np.bool_)
+    for index in range(places.size):
+        x, y = mean[places[index]], mean[places[index] + 1]
+        for other in range(places.size):
+            dx, dy = mean[places[other]] - x, mean[places[other] + 1] - y
+            if identities[other] < identities[index] and dx * dx + dy * dy < DOUBLE_M * DOUBLE_M:
+                double[index] = True
+                break
+    return double
 
 
 @kernel

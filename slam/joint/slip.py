@@ -7,7 +7,7 @@ feature is inside one, and a filter that believes it has lost its heading.
 import numpy as np
 
 from drivers.measurements import BoolArray, IntArray
-from slam.joint.association import Gates, apply_hypothesis, associate, expected_within, nearest_old
+from slam.joint.association import Gates, apply_hypothesis, associate, expected_within, lie_near, nearest_old
 from slam.joint.measurement import JointArrays
 from slam.joint.neighbours import block, neighbour_distances
 from slam.observations import AMBIGUOUS, FeatureRows
@@ -25,16 +25,16 @@ def associate_with_slip(
     places: IntArray,
     others: IntArray,
     old: BoolArray,
-    laid: bool,
+    asks_for_two: bool,
     features: FeatureRows,
     gates: Gates,
 ) -> IntArray:
     """Numbers of the landmarks among places (k,), or verdicts, of the features as seen from the predicted pose.
 
     others (l,): places of all landmarks of the state. old (k,): landmarks that have stood for long; features that may
-    be theirs are looked at first, nearest first, so that no walker moves the pose before they do. laid: the scan was
-    laid onto others, so that no landmark need be found: one that may be seen anywhere between its neighbours is not,
-    and one that would move the pose far is only with a second one.
+    be theirs are looked at first, nearest first, so that no walker moves the pose before they do. asks_for_two:
+    the scan was laid onto others, so that no landmark need be found: one that may be seen anywhere between its
+    neighbours is not, and one that would move the pose far is only with a second one.
 
     Where most of what lies within gates.slip of an old landmark finds none, each of the likeliest pairs is taken for
     true in turn, and the one with which most old landmarks are found is kept. Where that is still few, they match by
@@ -43,7 +43,7 @@ def associate_with_slip(
     mean, covariance, _, mount = joint
     apart = neighbour_distances(mean, places, others)
     sigma_m = expected_within(joint, places)
-    barred, alone = laid & (sigma_m > APART_M), laid & (sigma_m > ALONE_M)
+    barred, alone = asks_for_two & (sigma_m > APART_M), asks_for_two & (sigma_m > ALONE_M)
     best, squares = nearest_old(joint, places, old, features, gates.slip)
     features = features._replace(order=np.lexsort((features.ranges_m, squares > gates.match_widest)))
     chosen = np.empty_like(best)
@@ -64,6 +64,17 @@ def associate_with_slip(
     if BELIEVED * _old_ones(chosen, old) < likely:
         chosen[chosen >= 0] = AMBIGUOUS
     return chosen
+
+
+def undecided(
+    joint: JointArrays, places: IntArray, asks_for_two: bool, features: FeatureRows, gates: Gates
+) -> BoolArray:
+    """(k,) which landmarks at places (k,) may be matched only with others, but have a feature where they may be: where
+    they are not found, they are not missed either.
+    """
+    if not asks_for_two:
+        return np.zeros(len(places), dtype=np.bool_)
+    return (expected_within(joint, places) > ALONE_M) & lie_near(joint, places, features, gates.match_widest)
 
 
 def _old_ones(chosen: IntArray, old: BoolArray) -> int:

@@ -156,6 +156,15 @@ class JointState:
         """(R, 2) means of all rows of the atlas as they follow from the state."""
         return self.atlas.settled_means(self.rows, self.points_m)
 
+    def settled_covariances(self) -> FloatArray:
+        """(R, 2, 2) of all rows of the atlas; of those outside the state as they were when they left it."""
+        covariances: FloatArray = self.atlas.covariances.copy()
+        places = FIRST_PLACE + 2 * np.arange(self.count)
+        for row in range(2):
+            for column in range(2):
+                covariances[self.rows, row, column] = self.covariance[places + row, places + column]
+        return covariances
+
     def sort_anew(self) -> None:
         """After the map has moved: find far landmarks by where they are now."""
         self.atlas.sort_anew(self.rows, self.points_m)

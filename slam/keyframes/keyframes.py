@@ -5,13 +5,12 @@ of the dead reckoning, and a scan laid onto one from a lap ago closes the lap. N
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.measurements import FloatArray
+from drivers.measurements import FloatArray, IntArray
 from slam.estimate import KeyframeFit
-from slam.front_end.alignment_kernels import EarlierScans, surface_normals
+from slam.front_end.alignment_kernels import surface_normals
 from slam.front_end.alignment_search import Search
 from slam.front_end.deskew import Beams
 from slam.front_end.wide_search import LOOSE, View, WideSearch
@@ -19,7 +18,8 @@ from slam.joint.gaussian import JointGaussian
 from slam.joint.keyframe_axis import poses_of
 from slam.joint.state import JointState
 from slam.keyframes.far_loops import FarLoops
-from slam.maps.views import NO_VIEWS, CentimetreArray, Views, kept_points
+from slam.keyframes.keyframe import Keyframe, Laid
+from slam.maps.views import NO_VIEWS, Views, kept_points
 from slam.pose import Pose2, composed
 
 STEP_M, STEP_RAD = 0.2, 0.15  # the rover moves or turns so far before another scan is laid onto keyframes
@@ -42,58 +42,10 @@ LYING_M = 0.02  # sigma of its position, m, by its points alone
 INFORMATION_SHARE = 0.3  # of a fit's own claim: neighbouring scans share the errors of the keyframe
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Keyframe:
-    """A scan as it was taken: points_m and normals (n, 2) in the laser's frame, single precision; first_rad,
-    spacing_rad: where its beams point. kept_cm: what a saved map keeps of it. scan: its number in the map.
-    """
-
-    points_m: FloatArray
-    kept_cm: CentimetreArray
-    normals: FloatArray
-    first_rad: float
-    spacing_rad: float
-    scan: int
-
-    @property
-    def field_of_view_rad(self) -> float:
-        """Angle between its outermost beams."""
-        return (len(self.points_m) - 1) * self.spacing_rad
-
-    @property
-    def view(self) -> View:
-        """What it saw."""
-        return View(self.points_m.astype(np.float64), self.first_rad, self.spacing_rad)
-
-    def surfaces(self, laser_from_body: Pose2) -> EarlierScans:
-        """What another scan is laid onto, its motion beginning where the body stood."""
-        start = laser_from_body
-        return EarlierScans(
-            self.points_m.astype(np.float64)[None],
-            self.normals.astype(np.float64)[None],
-            np.array([(start.x_m, start.y_m, math.cos(start.heading_rad), math.sin(start.heading_rad))]),
-            self.first_rad,
-            self.spacing_rad,
-        )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Laid:
-    """Where a scan lies on a keyframe: predicted and found motion (3,), information (3, 3), the part of it that the
-    prediction holds, points on surfaces.
-    """
-
-    predicted: FloatArray
-    motion: FloatArray
-    information: FloatArray
-    held: FloatArray
-    count: int
-
-
 class Keyframes:
     """Chooses keyframes near the pose, lays the scan onto them and tells the joint Gaussian what came out.
 
-    fitted: how many fits were believed; closed: those of them with an old keyframe; fits: those of the latest scan.
+    fitted: how many fits were believed; closed: those of them with an old keyframe.
     """
 
     def __init__(self, joint: JointGaussian, body_from_laser: Pose2) -> None:
@@ -105,7 +57,7 @@ class Keyframes:
         self._wanted = False
         self._far = FarLoops()
         self._turn = 0
-        self.fits: list[KeyframeFit] = []
+        self._fits: list[KeyframeFit] = []
         self.fitted = 0
         self.closed = 0
 
@@ -120,7 +72,6 @@ class Keyframes:
     def constrain(self, beams: Beams) -> bool:
         """Condition the joint Gaussian on how the scan lies on keyframes; True where it was told anything."""
         self._wanted = False
-        self.fits = []
         pose = self._joint.map_from_body
         if self._moved_from is not None:
             since = Pose2(*self._moved_from.tolist()).inverse() @ pose
@@ -167,14 +118,44 @@ class Keyframes:
         stride = max(1, -(-len(returned) // MOST_POINTS))
         return self._body_from_laser.transform(beams.points_m[returned[::stride]])
 
-    def views(self, state: JointState, count: int) -> Views:
-        """What the first so many showed, from where a state of the joint Gaussian has them."""
-        shown = self._keyframes[:count]
-        if not shown:
+    def take_fits(self) -> tuple[KeyframeFit, ...]:
+        """The fits that were believed since the last time."""
+        fits, self._fits = tuple(self._fits), []
+        return fits
+
+    def views(self, state: JointState, numbers: IntArray) -> Views:
+        """What those of these numbers showed, from where a state of the joint Gaussian has them."""
+        if not len(numbers):
             return NO_VIEWS
-        bodies = poses_of(state.settled_means()[self._joint.keyframe_ends[: len(shown)]])
-        points = np.stack([keyframe.kept_cm for keyframe in shown])
+        bodies = poses_of(state.settled_means()[self._joint.keyframe_ends[numbers]])
+        points = np.stack([self._keyframes[number].kept_cm for number in numbers.tolist()])
         return Views(composed(bodies, self._body_from_laser.as_array()), points)
+
+    def known_to_metres(self) -> IntArray:
+        """Numbers of those from which the pose is known to metres only, or which are out of reach."""
+        between = self._joint.from_keyframes()
+        return np.array(
+            [
+                number
+                for number in range(len(self._keyframes))
+                if not math.isfinite(between[number, 0]) or _sigma_m(self._joint.from_keyframe(number)[1]) > WIDEST_M
+            ],
+            dtype=np.int64,
+        )
+
+    def close_at(self, map_from_body: Pose2, covariance: FloatArray) -> bool:
+        """Condition the joint Gaussian on a pose that scans on what these keyframes showed say, with its covariance (3,
+        3), as seen from the nearest keyframe; False where that contradicts what is known.
+        """
+        between = self._joint.from_keyframes()
+        numbers = [n for n in self.known_to_metres().tolist() if math.isfinite(between[n, 0])]
+        if not numbers:
+            return False
+        off = self._joint.map_from_body.inverse() @ map_from_body
+        bodies = [Pose2(*between[number].tolist()) @ off for number in numbers]
+        nearest = int(np.argmin([math.hypot(body.x_m, body.y_m) for body in bodies]))
+        information: FloatArray = np.asarray(np.linalg.inv(covariance) / INFORMATION_SHARE, dtype=np.float64)
+        return self._tell(numbers[nearest], bodies[nearest].as_array(), information, np.zeros((3, 3)))
 
     def lies_on(self, beams: Beams, before_scan: int) -> bool:
         """Whether the scan lies on the nearest keyframe that was made before a scan, where the pose says that it
@@ -285,10 +266,14 @@ class Keyframes:
         posterior = np.linalg.inv(told + np.linalg.inv(covariance))
         by_scan = told @ off + INFORMATION_SHARE * (held @ off)
         self._joint.condition(number, posterior @ by_scan, posterior)
-        self.fits.append(KeyframeFit(number, predicted + spread @ by_scan, told))
+        self._fits.append(KeyframeFit(number, predicted + spread @ by_scan, told))
         self.fitted += 1
         self.closed += number < len(self._keyframes) - OLD - 1
         return True
+
+
+def _sigma_m(covariance: FloatArray) -> float:
+    return math.sqrt(covariance[0, 0] + covariance[1, 1])
 
 
 def _square(off: FloatArray, covariance: FloatArray) -> float:

@@ -1,5 +1,6 @@
 """Looks for the rover's place by the walls around it: the scans of each stretch of the way are laid onto every map."""
 
+import math
 import struct
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,6 +22,7 @@ from slam.scan_search.stretch import Stretch
 
 VIEWS_A_SECOND = 160  # are added to a plan
 LOOKS_A_SECOND = 10_000_000  # cells looked up: about 3 % of one core
+REPLAN_M = 20.0  # of the way, after which more of the own map may be known to metres only
 SHORTEST_S, LONGEST_S = 0.1, 1.0  # between two scans, for which work is done
 
 
@@ -30,6 +32,7 @@ class ByScans:
     def __init__(self) -> None:
         self._source: JointGaussian | None = None
         self._stamp_ns = 0
+        self._planned_m = 0.0
         self._forget()
 
     def step(self, seen: ScanSeen, source: JointGaussian, islands: Sequence[Island]) -> Place | None:
@@ -44,9 +47,11 @@ class ByScans:
         if not islands:
             return None
         self._stretch.add(seen.increment_mean, seen.points_m)
+        self._planned_m += math.hypot(*seen.increment_mean[:2].tolist())
         for island in islands:
-            if island.number not in self._plans:
-                self._plans[island.number] = Plan(island.views())
+            is_stale = source is island.joint and self._planned_m > REPLAN_M
+            if island.number not in self._plans or is_stale:
+                self._plans[island.number], self._planned_m = Plan(island.views(source)), 0.0
             if not self._plans[island.number].advance(round(VIEWS_A_SECOND * since_s)):
                 return None
         if self._laying is None and not self._begin(islands):
@@ -62,7 +67,8 @@ class ByScans:
         """What the next step depends on, for a hash."""
         progress = () if self._laying is None else self._laying[1].state
         plans = (count for plan in self._plans.values() for count in (plan.added, plan.ground is not None))
-        state = (*self._stretch.frame_from_body.as_array().tolist(), self.best_odds, *progress, *plans)
+        frame = self._stretch.frame_from_body.as_array().tolist()
+        state = (*frame, self.best_odds, self._planned_m, *progress, *plans)
         return struct.pack(f"<{len(state)}d", *state)
 
     def _forget(self) -> None:

@@ -16,7 +16,7 @@ from slam.recognise.attempt import Hypothesis
 from slam.recognise.confirmation import Confirmation
 from slam.recognise.local_points import local_points
 from slam.recognise.map_index import MapIndex
-from slam.relocalise.join import carry_along, condition_on_same, far_landmarks, join, rows_since
+from slam.relocalise.join import LAID, carry_along, condition_on_same, far_landmarks, join, rows_since
 from slam.relocalise.joint_compatibility import Conditioned
 from slam.relocalise.rooting import Rooting
 
@@ -51,15 +51,20 @@ class Island:
     is_saved: bool = False
     saved_views: Views = NO_VIEWS
 
-    def views(self) -> Views:
-        """What was seen from where while the map was right for certain."""
+    def views(self, source: JointGaussian | None = None) -> Views:
+        """What was seen from where while the map was right for certain; for a source that is this map itself, from
+        where its pose is known to metres only.
+        """
+        if source is self.joint:
+            far = self.keyframes.known_to_metres()
+            return self.saved_views.joined(self.keyframes.views(self.joint.state, far))
         kept = self.remembered
         state, count = (self.joint.state, self.rooting.keyframes) if kept is None else (kept.state, kept.keyframes)
-        return self.saved_views.joined(self.keyframes.views(state, count))
+        return self.saved_views.joined(self.keyframes.views(state, np.arange(min(count, len(self.keyframes)))))
 
     def taken(self) -> JointMap:
         """The map as it is now, for a later drive to begin in."""
-        views = self.keyframes.views(self.joint.state, len(self.keyframes))
+        views = self.keyframes.views(self.joint.state, np.arange(len(self.keyframes)))
         return take_map(self.joint, self.saved_views.joined(views))
 
     def follow(self, most_changes: int | None) -> bool:
@@ -111,6 +116,13 @@ class Island:
         if closed is not None:
             self.rooting.root(self.joint.scans, len(self.keyframes))
         return closed
+
+    def close_by_walls(self, map_from_body: Pose2) -> Conditioned | None:
+        """The walls around are those that were seen from here before."""
+        if not self.keyframes.close_at(map_from_body, LAID):
+            return None
+        state = self.joint.state
+        return Conditioned(state.mean[: state.size], state.covariance[: state.size, : state.size], [], 0.0, 0)
 
     def take_in(
         self, source: JointGaussian, reach_m: float, found: Hypothesis, map_from_body: Pose2

@@ -29,6 +29,7 @@ from slam.relocalise.local_map import LocalMap, ScanSeen
 from slam.relocalise.search import Place
 from slam.settings.slam import SlamSettings
 
+WIDE_M = 1.0  # sigma of the position, from which on the map is searched for what is around
 FOLLOW_EVERY = 10  # scans, the index is brought up to date
 REMEMBER_EVERY = 10  # scans, at the least, the map is copied while it is right
 MOST_CHANGES = 64  # of an index in a scan
@@ -217,10 +218,14 @@ class Relocaliser:
         return self._by_landmarks.step(stamp_ns, known, may_begin=is_current)
 
     def _look_by_scans(self, seen: ScanSeen) -> Place | None:
-        """While the place in a map is not known, that is looked for in which it may be."""
+        """While the place in a map is not known, that is looked for in which it may be; while it is known to metres
+        only, the rest of that map is.
+        """
         islands = self._islands
         if self._local is None:
-            islands = () if self.here.is_saved else tuple(self._others)
+            here = self.here
+            is_wide = math.sqrt(here.joint.covariance[:2, :2].trace()) > WIDE_M
+            islands = ((here,) if is_wide else ()) + (() if here.is_saved else tuple(self._others))
         return self._by_scans.step(seen, self._source, islands)
 
     def _go_to(self, place: Place) -> Recognition | None:
@@ -229,7 +234,9 @@ class Relocaliser:
         pose = found.map_from_body @ place.frame_from_body.inverse() @ source.map_from_body
         here = self.here
         before = here.joint.map_from_body
-        if source is island.joint and island.expects(pose):
+        if source is island.joint and found.by_scans:
+            done = island.close_by_walls(pose) if island.expects(pose) else None
+        elif source is island.joint and island.expects(pose):
             done = island.close_loop(found)
         else:
             done = island.take_in(source, self._reach_m, found, pose)

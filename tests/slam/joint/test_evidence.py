@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
 
+from drivers.measurements import BoolArray
 from slam.joint.evidence import (
     FIRST_FINDS_AFTER_MISS,
     FIRST_LOOKS_AFTER_MISS,
     MOST_OF_A_SCAN,
+    Asked,
     DetectionRates,
     Evidence,
     score,
@@ -22,11 +24,15 @@ OPEN = SightLine(-2.0, 4.0 / 400, 30.0, np.full(401, np.nan))
 
 def rates(count: int) -> DetectionRates:
     after_miss = np.array((FIRST_LOOKS_AFTER_MISS, FIRST_FINDS_AFTER_MISS))
-    return DetectionRates(np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.bool_), after_miss)
+    return DetectionRates(np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.bool_), after_miss, True)
 
 
 def scan_of(
-    found: bool, learnt: DetectionRates, sight: SightLine = OPEN, points: list[tuple[float, float]] = POINTS
+    found: bool,
+    learnt: DetectionRates,
+    sight: SightLine = OPEN,
+    points: list[tuple[float, float]] = POINTS,
+    undecided: BoolArray | None = None,
 ) -> Evidence:
     mean = np.concatenate((np.zeros(FIRST_PLACE), np.ravel(points)))
     joint = JointArrays(mean, 1e-4 * np.eye(len(mean)), len(mean), np.zeros(3))
@@ -34,7 +40,8 @@ def scan_of(
     settled = np.ones(len(points), dtype=np.bool_)
     features = features_at(points) if found else NO_FEATURES
     chosen = np.arange(len(points)) if found else np.zeros(0, dtype=np.int64)
-    return score(joint, places, settled, features, chosen, sight, learnt, TUNING)
+    asked = Asked(places, settled, np.zeros(len(points), dtype=np.bool_) if undecided is None else undecided)
+    return score(joint, asked, features, chosen, sight, learnt, TUNING)
 
 
 def test_what_is_always_found_speaks_loudly_when_it_is_missed() -> None:
@@ -42,6 +49,32 @@ def test_what_is_always_found_speaks_loudly_when_it_is_missed() -> None:
     for _ in range(50):
         scan_of(True, learnt)
     assert scan_of(False, learnt).against > 2.0 * scan_of(False, fresh).against > 0.0
+
+
+def test_looks_from_one_place_count_once() -> None:
+    """A rover that stood for a minute has seen its landmarks from one side only."""
+    standing, driving = rates(3), rates(3)
+    for _ in range(50):
+        scan_of(True, standing._replace(from_elsewhere=False))
+        scan_of(True, driving)
+    fresh = scan_of(False, rates(3)).against
+    assert scan_of(False, standing).against == pytest.approx(fresh)
+    assert scan_of(False, driving).against > 2.0 * fresh
+
+
+def test_what_is_missed_while_the_rover_stands_is_missed_once() -> None:
+    """A door that opened is no news a second later."""
+    learnt = rates(1)._replace(from_elsewhere=False)
+    first, second = (scan_of(False, learnt, points=POINTS[:1]).against for _ in range(2))
+    assert second < 0.5 * first
+
+
+def test_what_may_be_seen_but_is_not_matched_is_not_missed() -> None:
+    certain, undecided = (
+        scan_of(False, rates(3), undecided=np.array((False, *[where] * 2))) for where in (False, True)
+    )
+    assert (certain.missed, undecided.missed) == (3, 1)
+    assert 0.0 < undecided.against < 0.5 * certain.against
 
 
 def test_what_is_rarely_found_says_nothing_when_it_is_missed() -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from drivers.measurements import FloatArray
 from slam.joint import gaussian, state
 from slam.joint.gaussian import JointGaussian, Variant
-from slam.observations import FeatureRows, Features, MatchVerdict, usable_rows
+from slam.observations import FeatureRows, Features, MatchVerdict, Sighting, usable_rows
 from slam.pose import Pose2
 from slam.settings.joint import JointSettings
 from slam.settings.slam import SlamSettings
@@ -98,6 +98,22 @@ def test_what_should_be_seen_and_is_not_is_removed() -> None:
     look(joint, [*RING, (8.0, 0.0)])
     look(joint, RING, 4)
     assert joint.landmark_count == len(RING)
+
+
+@pytest.mark.parametrize("told_apart", [False, True])
+def test_two_landmarks_in_one_place_are_one_unless_they_tell_who_they_are(told_apart: bool) -> None:
+    """They came to stand there when the pose was corrected; each would be missed whenever the other is found."""
+    joint = JointGaussian(JointSettings(), Pose2(), TUNING)
+    features = features_at(RING, list(range(len(RING))) if told_apart else None)
+    joint.step(*STILL, features, unknown(features))
+    assert joint.landmark_count == len(RING)
+    identities = joint.landmarks().identities
+    x_m, y_m = RING[0]
+    sighting = Sighting(math.hypot(x_m + 0.05, y_m), math.atan2(y_m, x_m + 0.05), 0.01, 0.0, 0.0003)
+    joint.state.create(int(identities.max()) + 1, 3.0, np.zeros(3), sighting)
+    joint.step(*STILL, features, unknown(features))
+    assert joint.landmark_count == len(RING) + told_apart
+    assert set(identities.tolist()) <= set(joint.landmarks().identities.tolist())
 
 
 def test_what_was_seen_once_is_forgotten_when_it_leaves_the_view() -> None:

@@ -1,5 +1,6 @@
 """A rover that has lost its place among walls finds it again by them, in its own map and in a saved one."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -10,6 +11,8 @@ import pytest
 from drivers.measurements import OdometryPose
 from slam.estimate import Estimate, Quality, Recognition
 from slam.estimator import Estimator
+from slam.joint.evidence import Evidence
+from slam.keyframes.keyframes import Keyframes
 from slam.maps.joint_map import JointMap
 from slam.maps.start import MapStart
 from slam.pose import Pose2
@@ -126,6 +129,27 @@ def test_a_rover_that_was_carried_through_its_own_map_finds_back() -> None:
     assert errors[0] > 3.0
     assert found >= 1
     assert np.median(errors[-10:]) < 0.5
+
+
+def test_a_pose_that_is_known_to_metres_only_is_found_again_in_its_own_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing speaks against it: no landmark is missed, and no single keyframe tells one door from the next."""
+    monkeypatch.setattr("slam.joint.gaussian.score", lambda *_: Evidence())
+    monkeypatch.setattr(Keyframes, "_close_far", lambda *_: False)
+    estimator, stops = Estimator(SETTINGS, 1), drive_round(3, 1.7, MOUNT)
+    recognitions, errors, closed = [], [], 0.0
+    for number, stop in enumerate(stops):
+        estimate = estimator.step(stop.scan.stamp_ns, stop.scan, (stop.wheels,))
+        if number == 125:
+            estimator._joint.predict(np.array((2.0, -1.0, 0.05)), np.diag((2.0, 2.0, 0.1)) ** 2)
+        off = (stops[0].map_from_body.inverse() @ stop.map_from_body).inverse() @ estimate.map_from_body
+        errors.append(math.hypot(off.x_m, off.y_m))
+        if estimate.recognition is not None:
+            recognitions.append(estimate.recognition)
+        closed = estimate.counts["loops_closed"]
+    assert [(found.by_scans, found.is_new, found.map_id) for found in recognitions] == [(True, False, 1)]
+    assert errors[126] > 1.5
+    assert max(errors[-10:]) < 0.5
+    assert closed > 10, "from there on the old keyframes near by close the loop, as ever"
 
 
 def test_the_same_drive_gives_the_same_bits() -> None:
