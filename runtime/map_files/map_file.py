@@ -59,6 +59,7 @@ LARGEST: dict[str, float] = {
 }
 """Magnitudes that no drive reaches: beyond them squares overflow."""
 LEAST_VARIANCE_M2 = 1e-13  # that a landmark may have left; the filter leaves ten times as much (slam/joint/window.py)
+ROUNDING = 1e-6  # of the largest variance
 FAR = 1 << 60  # of numbers of landmarks and scans
 
 
@@ -224,9 +225,28 @@ def _decode_joint(header: dict[str, Any], counts: Mapping[str, int], payload: me
     left = np.where(hangs[:, None, None], joint.residuals, joint.covariances_m2)[joint.in_state :]
     if not (_least_variances(left) >= LEAST_VARIANCE_M2).all() or not (_least_variances(_own(joint)) >= 0.0).all():
         raise ValueError("a covariance in it is none")
+    if not _is_covariance(joint.block_m2):
+        raise ValueError("the joint covariance in it is none")
+    looks, finds = np.append(joint.looks, joint.after_miss[0]), np.append(joint.finds, joint.after_miss[1])
+    if not ((finds >= 0.0) & (finds <= looks)).all() or not joint.after_miss[1] < joint.after_miss[0]:
+        raise ValueError("a landmark in it was found more often than it was in view")
     if len(np.unique(joint.identities)) != len(joint):
         raise ValueError("two of its landmarks have the same name")
     return joint
+
+
+def _is_covariance(block_m2: FloatArray) -> bool:
+    """Whether a matrix (S, S) is the same along rows and columns and has no negative variance in any direction, but for
+    what is lost in rounding.
+    """
+    rounding = ROUNDING * float(np.diagonal(block_m2).max(initial=0.0))
+    if not (np.abs(block_m2 - block_m2.T) <= rounding).all():
+        return False
+    try:
+        np.linalg.cholesky(block_m2 + np.diag(np.full(len(block_m2), rounding + LEAST_VARIANCE_M2)))
+    except np.linalg.LinAlgError:
+        return False
+    return True
 
 
 def _own(joint: JointMap) -> FloatArray:

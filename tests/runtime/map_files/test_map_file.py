@@ -92,6 +92,33 @@ def test_what_no_covariance_can_be_is_refused() -> None:
             decode_map(encode_map(spoilt, FACTS), "hall.map")
 
 
+def test_a_joint_covariance_that_is_none_is_refused() -> None:
+    """Two landmarks that contradict each other, each sound by itself: the filter broke down at the first scan."""
+    whole = small_map()
+    lopsided, indefinite = whole.block_m2.copy(), whole.block_m2.copy()
+    lopsided[0, 2] += 0.5 * lopsided[0, 0]
+    indefinite[0, 2] = indefinite[2, 0] = 3.0 * np.sqrt(indefinite[0, 0] * indefinite[2, 2])
+    for block in (lopsided, indefinite):
+        with pytest.raises(NotAMapError, match="the joint covariance in it is none"):
+            decode_map(encode_map(replace(whole, block_m2=block), FACTS), "hall.map")
+
+
+def test_rates_that_no_landmark_has_are_refused() -> None:
+    """Found more often than in view: the score of the pose became NaN, and any pose was believed."""
+    whole = small_map()
+    looks, finds = whole.looks.copy(), whole.finds.copy()
+    looks[0], finds[0] = 1e-13, 1.0
+    for spoilt in (
+        replace(whole, looks=looks, finds=finds),
+        replace(whole, looks=-np.ones_like(looks)),
+        replace(whole, finds=-np.ones_like(finds)),
+        replace(whole, after_miss=np.array((5e-324, 8.0))),
+        replace(whole, after_miss=np.zeros(2)),
+    ):
+        with pytest.raises(NotAMapError, match="found more often than it was in view"):
+            decode_map(encode_map(spoilt, FACTS), "hall.map")
+
+
 @pytest.mark.parametrize(
     ("key", "joint"),
     [("landmarks", small_map(60)), ("in_state", small_map(60, 30)), ("views", small_map(8))],
