@@ -29,8 +29,9 @@ class MotionCoverage:
         return not self.have >= self.want
 
     def sentence(self) -> str:
-        """The advice with the figures."""
-        return f"{self.advice}: {self.name} is {self.have:.1f} {self.unit}, wanted {self.want:g} {self.unit}"
+        """The advice with the figures; what there was is rounded down, so that too little never looks like enough."""
+        have = np.floor(10.0 * self.have) / 10.0
+        return f"{self.advice}: {self.name} is {have:.1f} {self.unit}, wanted {self.want:g} {self.unit}"
 
 
 def measures(
