@@ -105,7 +105,8 @@ class MapIndex:
             used = self._identities != FREE
             neighbours(self._points, used, row, 0.0, 0.0, CROWD_M, self._crowds, -1)
             self._cover(row, -1)
-            del self._row_of[int(self._identities[row])]
+            if self._row_of.get(int(self._identities[row])) == row:  # else two landmarks have one name, and this goes
+                del self._row_of[int(self._identities[row])]
             self._identities[row] = FREE
             self._free.append(row)
 

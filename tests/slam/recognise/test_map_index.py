@@ -56,6 +56,17 @@ def test_a_landmark_that_moved_by_little_stays_where_it_is() -> None:
     assert index.indexed is before
 
 
+def test_two_landmarks_of_one_name_are_followed_as_one() -> None:
+    """A sensor that names some of its landmarks may say a number that the map has given; each later scan failed."""
+    identities, means = landmarks(7, 40)
+    identities[1] = identities[0]
+    index = MapIndex(SCALE)
+    for _ in range(3):
+        index.follow(identities, means)
+    index.follow(identities[2:], means[2:])
+    assert content(index) == content(index_of(SCALE, identities[2:], means[2:]))
+
+
 def test_pairs_beyond_the_bound_shorten_the_longest(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(map_index, "MOST_PAIRS", 300)
     index = index_of(SCALE, *landmarks(2, 120))
