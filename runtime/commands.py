@@ -25,11 +25,11 @@ class Command(StrEnum):
     MARK = "mark"
     """Keep the segments around this moment; needs a reason."""
     SAVE = "save"
-    """Close the segment at hand, so that everything until now is whole on disk, and write map.json."""
+    """Close the current segment, so that everything until now is safely on disk, and write map.json."""
     STOP = "stop"
-    """Write this tick and then no more; the rover drives on and publishes."""
+    """Record this tick and nothing after it; the rover drives on and publishes."""
     INITIAL_POSE = "initial_pose"
-    """The rover stands there; it is looked for, and believed where what stands around agrees."""
+    """Search the map around this pose, and move there if the surroundings agree."""
 
 
 FARTHEST_M = 1e7

@@ -40,7 +40,7 @@ PUBLISHED = (
     Key("scan_full", f"application/cdr;{TYPES['/scan']}", "every scan, if subscribed to", "all beams"),
     Key("particles", f"application/cdr;{POSES}", "once a second, if subscribed to", "poses of the particles"),
     Key("path", f"application/cdr;{PATH}", "once a second, if subscribed to", "the path so far, thinned"),
-    Key("landmarks", f"application/cdr;{MARKERS}", "once a second", "spheres, greener the surer"),
+    Key("landmarks", f"application/cdr;{MARKERS}", "once a second", "spheres: the more certain a landmark, the greener"),
     Key("status", "application/json", "once a second", "state, reasons, pose, sensors and sinks for dashboards"),
     Key("health", f"application/cdr;{messages.DIAGNOSTICS}", "once a second", "every counter of every sensor"),
     Key("event", "application/json", "when it happens", "one event of the log"),
@@ -50,7 +50,7 @@ ASKED = (
     Key("status", "application/json", "", "the last status"),
     Key("map", "application/json", "", "all landmarks with covariances and the probability that they exist"),
     Key("path", f"application/cdr;{PATH}", "", "the path so far, thinned"),
-    Key("tf_static", f"application/cdr;{TF}", "", "where the laser sits: `base_link` to `laser`"),
+    Key("tf_static", f"application/cdr;{TF}", "", "where the laser is mounted: `base_link` to `laser`"),
     Key("configuration", "application/toml", "", "the configuration in force"),
 )
 
@@ -76,7 +76,7 @@ def _keys() -> str:
     return f"""
 ## Keys of zenoh
 
-`<rover>` is the key `rover` of the configuration. A liveliness token `infant/<rover>/alive` stands while it runs.
+`<rover>` is the key `rover` of the configuration. The liveliness token `infant/<rover>/alive` exists while it runs.
 
 | key | encoding | how often | what it is |
 |---|---|---|---|
@@ -84,7 +84,7 @@ def _keys() -> str:
 Each message carries 33 bytes as its attachment, little-endian: number of the message (int64), wall time in ns (int64),
 16 (uint8), and 16 bytes that name the publisher. ROS 2 wants exactly this; others may use it to count losses.
 
-Questions (`session.get`) are answered on
+Queries (`session.get`) are answered on these keys:
 
 | key | encoding | answer |
 |---|---|---|
@@ -96,10 +96,10 @@ def _commands() -> str:
     return f"""
 ## Commands
 
-Off unless `publish.commands = true`, and then the rover wants access rules in `publish.config_file`. A command is a
-question with the reason as its payload (UTF-8, at most 1000 characters); the answer is JSON with `accepted` and
-`reason`. It becomes an event of the next tick, with source `command`, and the last tick of a stopped record is the one
-that says so.
+Off unless `publish.commands = true`; the rover then requires access rules in `publish.config_file`. A command is a
+query with the reason as its payload (UTF-8, at most 1000 characters); the answer is JSON with `accepted` and `reason`.
+It becomes an event of the next tick, with source `command`. The last tick of a stopped record holds the event that
+stopped it.
 
 | key | what happens |
 |---|---|
@@ -121,8 +121,8 @@ def _ros2() -> str:
     return f"""
 ## Keys of ROS 2 (rmw_zenoh)
 
-With `publish.ros2 = true` the rover says the following as the node `/<rover>/infant`, with the liveliness tokens by
-which `ros2 topic list` finds it. The domain (here 0) is `publish.ros2_domain`. A character that names of ROS cannot
+With `publish.ros2 = true` the rover publishes the following as the node `/<rover>/infant`, with the liveliness tokens by
+which `ros2 topic list` finds it. The domain (here 0) is `publish.ros2_domain`. A character that ROS names cannot
 have is replaced by `_`. With `publish.ros2 = "humble"` keys and tokens end in `TypeHashNotSupported` instead of the
 hash. `/tf_static` is latched. The gid in the attachment is the XXH3 hash (128 bits) of the publisher's token.
 
@@ -158,7 +158,7 @@ def _record() -> str:
 ## Topics of run.mcap
 
 Profile `ros2`, messages in CDR, every definition inside the file; Foxglove, rerun and `ros2 bag play` read it without
-anything of ours. Types of the package `infant_msgs` are played only where that package has been built.
+Infant. Types of the package `infant_msgs` are played only where that package has been built.
 
 | topic | type |
 |---|---|
