@@ -133,6 +133,17 @@ def test_a_slip_that_the_wheels_do_not_own_up_to_is_found_and_small_errors_are_n
     assert told.mean[2] == pytest.approx(math.radians(9.0), abs=0.01)
 
 
+def test_a_rover_slides_no_farther_than_its_wheels_have_rolled(stops: list[Stop]) -> None:
+    """What seems to slide by 0.2 m in a tenth of a second is people who walk past: in the open they fill a scan."""
+    alignment, lines, pose = Alignment(settings_of(), MOUNT), ring_of_corridors(1), stops[0].map_from_body
+    claimed = replace(SURE, mean=np.array((0.02, 0.0, 0.0)))
+    for step in range(11):
+        pose = pose @ Pose2(0.02, 0.2 if step == 10 else 0.0, 0.0)
+        ranges = ranges_of(pose @ MOUNT, lines).astype(np.float32)
+        told = alignment.refine(replace(stops[0].scan, stamp_ns=100_000_000 * step, ranges_m=ranges), claimed)
+        assert told.mean is claimed.mean
+
+
 def test_turns_that_the_wheels_miss_one_soon_after_the_other_are_found(stops: list[Stop]) -> None:
     """Stamps of a log that come in bursts: 25 deg one way and 13 deg back, 0.4 s apart, not told by the wheels."""
     alignment, stamp_ns, lines, pose = Alignment(settings_of(), MOUNT), 0, ring_of_corridors(1), stops[0].map_from_body
