@@ -18,6 +18,7 @@ from slam.settings.quality import QualitySettings
 
 FOUND_SHARE = 0.03  # of the settled landmarks in view, over some scans; where less is found, chance finds it
 SEEN_BEFORE_SHARE = 0.2  # of the beams that could be compared with earlier scans; where less agrees, the laser is blind
+SUPPORTS = -3.0  # log-odds against a pose that a scan supports, whoever walks by: two landmarks found and none missed
 LOST_BLIND_SCANS = 20  # scans in a row that do not support the pose; then the map is left as it is
 UNCERTAIN_GAPS, LOST_GAPS = 2.0, 4.0  # usual gaps between scans that a laser is silent before it is called blind
 GAP_STEP = 1.1  # factor by which the usual gap follows each gap: to the median of them
@@ -166,7 +167,7 @@ class QualityMonitor:
             supported = evidence.known == 0 or self._found >= FOUND_SHARE * self._known
         else:
             supported = seen_before_share >= SEEN_BEFORE_SHARE
-        if supported or lies_on_map:
+        if supported or lies_on_map or evidence.against < SUPPORTS:
             self._support(stamp_ns)
             if self._score == 0.0:
                 self._trusted_scans = self._scans

@@ -101,6 +101,18 @@ def test_scans_in_which_only_chance_finds_anything_do_not_support_the_pose(
     assert quality(*after(*[GOOD] * 20, *[blind] * 28)) is Quality.LOST
 
 
+@pytest.mark.parametrize(
+    ("seen", "said"),
+    [(GOOD, Quality.TRACKING), (Evidence(known=20, found=1, against=-2.2, square=2.0), Quality.LOST)],
+)
+def test_people_who_fill_the_view_do_not_blind_a_rover_that_finds_its_landmarks(seen: Evidence, said: Quality) -> None:
+    """In an open field nine returns in ten were of walkers; all seven landmarks in view were found, and it was lost."""
+    monitor = QualityMonitor(SETTINGS)
+    for scan in range(1, 31):
+        monitor.add(scan * TICK_NS, seen, 0.1)
+    assert quality(monitor, 30 * TICK_NS) is said
+
+
 def test_without_scans_the_pose_becomes_uncertain_and_then_lost() -> None:
     monitor, now_ns = after(*[GOOD] * 20)
     states = [quality(monitor, now_ns + tenths * TICK_NS) for tenths in (5, 15, 25)]
