@@ -42,7 +42,7 @@ TURNED = np.diag((0.0, 0.0, 0.1)) ** 2  # of wheels of which one has slipped
 TURNED_STARTS = 9  # headings, where the scan lies worse than usual at those that the wheels admit
 SLIP_SHARE = 0.7  # so many points are on surfaces then
 SLIP_GAIN = 0.05  # and so many more than by the wheels' motion
-SLIDE_M = 0.05  # farther than the wheels have rolled by, no rover slides from one scan to the next
+SLIDE_MPS = 0.5  # faster than its wheels roll, no rover moves; that they roll backwards they may not know
 LATEST = 2  # scans with which a walker could be mistaken for what stands
 POOR_SHARE = 0.25  # so many points fewer than usual on surfaces say that the best motion near the wheels' is wrong too
 WIDE_PAUSE_NS = 1_000_000_000  # between two searches far from where the wheels say: each costs some milliseconds
@@ -196,10 +196,11 @@ class Alignment:
         if not only_if_slipped:
             self._trust.compare(off, covariance, refined)
         contradicts = not square <= (SUSPECT_SQUARE if only_if_slipped else WIDEST_SQUARE)  # also where it is NaN
-        if contradicts and not self._have_slipped(search, prior, motion, count, suspected=only_if_slipped):
-            self.is_disputed = not only_if_slipped
-            either = np.outer(off, off) if self.is_disputed else 0.0  # may be right
-            return replace(increment, covariance=increment.covariance + either)
+        if contradicts and not self._have_slipped(search, increment, motion, count, suspected=only_if_slipped):
+            self.is_disputed = not only_if_slipped and bool(np.isfinite(off).all())
+            if not self.is_disputed:
+                return increment
+            return replace(increment, covariance=increment.covariance + np.outer(off, off))  # either may be right
         if only_if_slipped and (increment.at_rest or not contradicts):  # at rest, what moves is the door
             return increment
         self.refined += 1
@@ -234,21 +235,21 @@ class Alignment:
         return replace(increment, mean=mean, covariance=0.5 * (covariance + covariance.T), at_rest=False)
 
     def _have_slipped(
-        self, search: Search, by_wheels: FloatArray, motion: FloatArray, count: int, *, suspected: bool
+        self, search: Search, increment: Increment, motion: FloatArray, count: int, *, suspected: bool
     ) -> bool:
         """Whether a motion that contradicts the wheels is clearly the better one: wheels slip, and tyres lose grip.
 
         On what the older scans know of its points, too: since then a walker nearby has moved on, and what stands has
-        not. suspected: the wheels are sure of themselves, and the rover cannot have slid far since the scan before.
+        not. suspected: the wheels are sure of themselves, and the rover cannot have moved much faster than they rolled.
         """
-        points, older = len(search.points_m), search.older(LATEST)
+        by_wheels, points, older = increment.mean, len(search.points_m), search.older(LATEST)
         on, by_wheels_on = older.on_surfaces(motion), older.on_surfaces(by_wheels)
-        slid_m, rolled_m = math.dist(motion[:2], by_wheels[:2]), math.hypot(by_wheels[0], by_wheels[1])
+        moved_m, rolled_m = math.hypot(motion[0], motion[1]), math.hypot(by_wheels[0], by_wheels[1])
         return (
             count >= min(SLIP_SHARE, self._usual_fit - UNUSUAL_SHARE) * points
             and count - search.on_surfaces(by_wheels) >= SLIP_GAIN * points
             and on - by_wheels_on >= SLIP_GAIN * (points if suspected else max(on, by_wheels_on))
-            and (not suspected or slid_m <= rolled_m + SLIDE_M)
+            and (not suspected or moved_m <= rolled_m + SLIDE_MPS * increment.duration_s)
         )
 
     def _references(self) -> list[SeenFrom]:

@@ -133,7 +133,7 @@ def test_a_slip_that_the_wheels_do_not_own_up_to_is_found_and_small_errors_are_n
     assert told.mean[2] == pytest.approx(math.radians(9.0), abs=0.01)
 
 
-def test_a_rover_slides_no_farther_than_its_wheels_have_rolled(stops: list[Stop]) -> None:
+def test_a_rover_moves_no_faster_than_its_wheels_roll(stops: list[Stop]) -> None:
     """What seems to slide by 0.2 m in a tenth of a second is people who walk past: in the open they fill a scan."""
     alignment, lines, pose = Alignment(settings_of(), MOUNT), ring_of_corridors(1), stops[0].map_from_body
     claimed = replace(SURE, mean=np.array((0.02, 0.0, 0.0)))
