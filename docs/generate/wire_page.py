@@ -40,7 +40,7 @@ PUBLISHED = (
     Key("scan_full", f"application/cdr;{TYPES['/scan']}", "every scan, if subscribed to", "all beams"),
     Key("particles", f"application/cdr;{POSES}", "once a second, if subscribed to", "poses of the particles"),
     Key("path", f"application/cdr;{PATH}", "once a second, if subscribed to", "the path so far, thinned"),
-    Key("landmarks", f"application/cdr;{MARKERS}", "once a second", "spheres: the more certain a landmark, the greener"),
+    Key("landmarks", f"application/cdr;{MARKERS}", "once a second", "spheres: the surer a landmark, the greener"),
     Key("status", "application/json", "once a second", "state, reasons, pose, sensors and sinks for dashboards"),
     Key("health", f"application/cdr;{messages.DIAGNOSTICS}", "once a second", "every counter of every sensor"),
     Key("event", "application/json", "when it happens", "one event of the log"),
@@ -121,8 +121,8 @@ def _ros2() -> str:
     return f"""
 ## Keys of ROS 2 (rmw_zenoh)
 
-With `publish.ros2 = true` the rover publishes the following as the node `/<rover>/infant`, with the liveliness tokens by
-which `ros2 topic list` finds it. The domain (here 0) is `publish.ros2_domain`. A character that ROS names cannot
+With `publish.ros2 = true` the rover publishes the following as the node `/<rover>/infant`, with the liveliness tokens
+by which `ros2 topic list` finds it. The domain (here 0) is `publish.ros2_domain`. A character that ROS names cannot
 have is replaced by `_`. With `publish.ros2 = "humble"` keys and tokens end in `TypeHashNotSupported` instead of the
 hash. `/tf_static` is latched. The gid in the attachment is the XXH3 hash (128 bits) of the publisher's token.
 

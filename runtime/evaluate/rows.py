@@ -12,6 +12,7 @@ from slam.pose import rotated, wrap_rads
 
 LONGEST_GAP_S = 10.0  # between two rows farther apart anything may have happened: a part of the record is gone
 LARGEST_BYTES = 64 << 20  # a million poses
+LARGEST = 1e10  # seconds or metres: no clock and no place is beyond
 ROUNDING_S = 1e-6  # a float of seconds since 1970 is that coarse
 
 
@@ -24,8 +25,11 @@ def tum_text(trajectory: FloatArray) -> str:
 
 
 def read_tum(path: Path) -> FloatArray:
-    """Rows (n, 4) of t s, x m, y m, heading rad. Raises ConfigurationError with the line that cannot be read."""
-    rows = []
+    """Rows (n, 4) of t s, x m, y m, heading rad; a pose that is NaN is not known.
+
+    Raises ConfigurationError with the line that cannot be read.
+    """
+    rows: list[tuple[float, float, float, float]] = []
     try:
         lines = read_bounded(path, LARGEST_BYTES).decode().splitlines()
     except (OSError, ValueError) as error:
@@ -39,6 +43,11 @@ def read_tum(path: Path) -> FloatArray:
         except ValueError as error:
             expected = "expected 8 numbers 't x y z qx qy qz qw'"
             raise ConfigurationError(f"{path}:{number}: {expected}, got {line[:200]!r}") from error
+        if not abs(t) < LARGEST or abs(x) > LARGEST or abs(y) > LARGEST:
+            raise ConfigurationError(f"{path}:{number}: expected seconds and metres, got {line[:200]!r}")
+        if rows and t <= rows[-1][0]:
+            before = rows[-1][0]
+            raise ConfigurationError(f"{path}:{number}: {t:.9f} s is not after {before:.9f} s; sort the poses by time")
         rows.append((t, x, y, math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))))
     if not rows:
         raise ConfigurationError(f"{path} holds no pose; give a TUM file with one pose per line")

@@ -152,9 +152,9 @@ class JointGaussian:
     def predict(self, mean: FloatArray, covariance: FloatArray) -> None:
         """Move the pose by an increment (3,) and (3, 3) since the last scan in the body frame of then."""
         self.moves += 1
-        self._since_look_m += math.hypot(mean[0], mean[1]) + abs(mean[2])
         state, jump = self.state, self._jump
         if np.isfinite(mean).all() and np.isfinite(covariance).all():
+            self._since_look_m += math.hypot(mean[0], mean[1]) + abs(mean[2])
             predict(state.mean, state.covariance, state.size, mean, covariance, float(jump[0]), float(jump[1]))
         else:
             self.refused += 1

@@ -165,7 +165,13 @@ def test_evo_reads_the_trajectory_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(again.positions_xyz[:, :2], path()[:, 1:3], atol=1e-8)
 
 
-@pytest.mark.parametrize("content", ["", "# nothing\n", "0 0 0\n", "0 0 0 0 0 0 0 one\n"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        *("", "# nothing\n", "0 0 0\n", "0 0 0 0 0 0 0 one\n", "nan 0 0 0 0 0 0 1\n", "0 1e200 0 0 0 0 0 1\n"),
+        "1 0 0 0 0 0 0 1\n0.5 0 0 0 0 0 0 1\n",
+    ],
+)
 def test_a_file_that_is_no_trajectory_is_refused_with_its_line(tmp_path: Path, content: str) -> None:
     (tmp_path / "a.tum").write_text(content)
     with pytest.raises(ConfigurationError, match=r"a\.tum"):

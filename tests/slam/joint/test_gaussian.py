@@ -14,6 +14,7 @@ from slam.observations import FeatureRows, Features, MatchVerdict, Sighting, usa
 from slam.pose import Pose2
 from slam.settings.joint import JointSettings
 from slam.settings.slam import SlamSettings
+from slam.visibility import SightLine
 from tests.support.examples import examples
 
 STILL = (np.zeros(3), np.zeros((3, 3)))
@@ -21,6 +22,7 @@ STEP_NOISE = np.diag((0.02**2, 0.005**2, 0.01**2))
 NOISE = np.diag((0.1**2, math.radians(1.0) ** 2))
 AHEAD = np.array((0.4, 0.0, 0.0))
 TUNING = SlamSettings().tuning()
+OPEN = SightLine(-2.0, 4.0 / 400, 30.0, np.full(401, np.nan))
 RING = [(12.0, 1.0), (6.0, -9.0), (3.0, 8.0), (-4.0, 7.0), (15.0, -12.0), (-2.0, -6.0)]
 
 
@@ -167,6 +169,9 @@ def test_an_increment_with_nan_is_refused_and_leaves_no_trace(part: int) -> None
     assert joint.refused == 1
     assert np.isfinite(joint.covariance).all()
     assert joint.map_from_body.x_m == pytest.approx(0.0, abs=1e-6)
+    before = joint.state.atlas.looks.sum()
+    joint.step(AHEAD, STEP_NOISE, seen, unknown(seen), OPEN)
+    assert joint.state.atlas.looks.sum() > before, "it goes on to learn what is found"
 
 
 def test_standing_still_the_pose_stays_exact_and_landmarks_sharpen() -> None:
