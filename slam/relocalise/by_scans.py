@@ -22,6 +22,7 @@ from slam.scan_search.stretch import Stretch
 
 VIEWS_A_SECOND = 160  # are added to a plan
 LOOKS_A_SECOND = 10_000_000  # cells looked up: about 3 % of one core
+WITHIN_SIGMAS = 4.0  # of the pose in the own map, a place may be
 REPLAN_M = 20.0  # of the way, after which more of the own map may be known to metres only
 SHORTEST_S, LONGEST_S = 0.1, 1.0  # between two scans, for which work is done
 
@@ -54,7 +55,7 @@ class ByScans:
                 self._plans[island.number], self._planned_m = Plan(island.views(source)), 0.0
             if not self._plans[island.number].advance(round(VIEWS_A_SECOND * since_s)):
                 return None
-        if self._laying is None and not self._begin(islands):
+        if self._laying is None and not self._begin(source, islands):
             return None
         return self._go_on(source, round(LOOKS_A_SECOND * since_s))
 
@@ -80,8 +81,8 @@ class ByScans:
         self._points: FloatArray = np.zeros((0, 2))
         self._frame_from_body = Pose2()
 
-    def _begin(self, islands: Sequence[Island]) -> bool:
-        """Lay a stretch onto one map after the other."""
+    def _begin(self, source: JointGaussian, islands: Sequence[Island]) -> bool:
+        """Lay a stretch onto one map after the other; onto the source's own one only where it may be in it."""
         if not self._waiting and self._stretch.is_due:
             self._points, self._frame_from_body = self._stretch.take(), self._stretch.frame_from_body
             self._waiting = list(islands)
@@ -89,6 +90,9 @@ class ByScans:
             island = self._waiting.pop(0)
             plan = self._plans.get(island.number)
             ground = None if plan is None else plan.ground
+            if ground is not None and source is island.joint:
+                pose, sigma_m = source.map_from_body, math.sqrt(source.covariance[:2, :2].trace())
+                ground = ground.near(pose.x_m, pose.y_m, WITHIN_SIGMAS * sigma_m)
             if ground is not None and len(ground.places):
                 self._laying = (island, Laying(ground, self._points))
         return self._laying is not None
@@ -103,6 +107,8 @@ class ByScans:
         agreed = self._agreements.setdefault(island.number, Agreement()).add(laid, self._frame_from_body)
         if agreed is None:
             return None
+        if source is island.joint:  # the next time, scans of their own have to agree
+            del self._agreements[island.number]
         moved = self._frame_from_body.inverse() @ self._stretch.frame_from_body
         place = replace(
             NOTHING,

@@ -31,6 +31,12 @@ class Ground(NamedTuple):
     x_m: float
     y_m: float
 
+    def near(self, x_m: float, y_m: float, radius_m: float) -> "Ground":
+        """The same with the positions within a radius of a point."""
+        rows, columns = (self.places.T + 0.5) * CELL_M
+        distances = np.hypot(self.x_m + columns - x_m, self.y_m + rows - y_m)
+        return self._replace(places=np.ascontiguousarray(self.places[distances <= radius_m]))
+
 
 class Plan:
     """The ground as views show it, made in slices. ground: None until it is finished."""
