@@ -38,6 +38,7 @@ NEED_RANGE_M = 10.0  # at this distance: what a wrong heading moves
 WIDEST_SQUARE = 30.0  # nor where the result contradicts the wheels by this squared distance, unless they have slipped:
 SUSPECT_SQUARE = 11.3  # that wheels which were only suspected are off by, 99 % of what chance makes of three numbers
 SLIPPED = np.diag((0.15, 0.15, 0.1)) ** 2  # m^2, rad^2, of the motion by wheels that are suspected
+FAR_SLIPPED = 4.0 * SLIPPED
 TURNED = np.diag((0.0, 0.0, 0.1)) ** 2  # of wheels of which one has slipped
 TURNED_STARTS = 9  # headings, where the scan lies worse than usual at those that the wheels admit
 SLIP_SHARE = 0.7  # so many points are on surfaces then
@@ -172,9 +173,10 @@ class Alignment:
             if turned[2] >= count - SLIP_GAIN * len(search.points_m):
                 motion, information, count = turned
         elif _square(motion - prior, covariance) > SUSPECT_SQUARE:  # they hold the search where it cannot be
-            freed = search.best(prior, covariance + SLIPPED, along=True, starts=TURNED_STARTS)
-            if freed[2] > count:
-                motion, information, count = freed
+            for slip in (SLIPPED, FAR_SLIPPED):
+                freed = search.best(prior, covariance + slip, along=True, starts=TURNED_STARTS)
+                if freed[2] > count:
+                    motion, information, count = freed
         share = count / len(search.points_m)
         if self._usual_fit - share > UNUSUAL_SHARE:
             found = None

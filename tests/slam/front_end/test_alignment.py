@@ -20,6 +20,7 @@ from slam.settings.odometry import OdometrySettings
 from slam.settings.slam import SlamSettings
 from tests.support.slam.corridor import BEARINGS_RAD, Stop, drive_round, ranges_of, ring_of_corridors
 
+SECOND_NS = 1_000_000_000
 MOUNT = Pose2(0.1, 0.0, 0.0)
 WHEELS = OdometrySettings(
     model="pose",
@@ -142,6 +143,22 @@ def test_a_rover_moves_no_faster_than_its_wheels_roll(stops: list[Stop]) -> None
         ranges = ranges_of(pose @ MOUNT, lines).astype(np.float32)
         told = alignment.refine(replace(stops[0].scan, stamp_ns=100_000_000 * step, ranges_m=ranges), claimed)
         assert told.mean is claimed.mean
+
+
+def test_where_neither_wheels_nor_scan_are_clearly_right_either_may_be(stops: list[Stop]) -> None:
+    """Six beams in ten say that the rover turned by 12 deg, four see a new place; the wheels are sure of no turn."""
+    alignment, lines, pose = Alignment(settings_of(), MOUNT), ring_of_corridors(1), stops[0].map_from_body
+    claimed = replace(MOVED, mean=np.array((0.1, 0.0, 0.0)), covariance=np.diag((0.02, 0.01, 0.01)) ** 2)
+    for step in range(8):
+        pose = pose @ Pose2(0.1, 0.0, math.radians(12.0) if step == 7 else 0.0)
+        ranges = ranges_of(pose @ MOUNT, lines).astype(np.float32)
+        if step == 7:
+            ranges[np.arange(ranges.size) % 10 < 4] = 18.0
+        told = alignment.refine(replace(stops[0].scan, stamp_ns=3 * SECOND_NS * step, ranges_m=ranges), claimed)
+    assert told.mean is claimed.mean
+    assert alignment.laid is None
+    assert alignment.asks_for_two
+    assert math.sqrt(told.covariance[2, 2]) > 0.1
 
 
 def test_turns_that_the_wheels_miss_one_soon_after_the_other_are_found(stops: list[Stop]) -> None:

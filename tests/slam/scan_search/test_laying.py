@@ -102,6 +102,18 @@ def test_the_ground_is_finished_in_steps_that_change_no_bit(ground: Ground) -> N
     assert np.array_equal(plan.ground.coarse, ground.coarse)
 
 
+def test_only_places_near_a_point_are_tried_where_the_rover_may_be_near_it(ground: Ground) -> None:
+    """And a stretch from there is found among them."""
+    near = ground.near(PLACES[1].x_m, PLACES[1].y_m, 4.0)
+    assert 0 < len(near.places) < 0.3 * len(ground.places)
+    rows, columns = near.places.T
+    x_m, y_m = ground.x_m + CELL_M * (columns + 0.5), ground.y_m + CELL_M * (rows + 0.5)
+    assert np.hypot(x_m - PLACES[1].x_m, y_m - PLACES[1].y_m).max() <= 4.0
+    off = PLACES[1].inverse() @ laid(near, around(PLACES[1], ring_of_corridors(1))).map_from_body
+    assert math.hypot(off.x_m, off.y_m) < CELL_M
+    assert len(ground.near(500.0, 500.0, 4.0).places) == 0
+
+
 def test_a_map_without_views_has_no_place() -> None:
     assert len(ground_of(NO_VIEWS).places) == 0
 
