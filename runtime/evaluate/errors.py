@@ -54,7 +54,8 @@ def rigid_fit(points_m: FloatArray, onto_m: FloatArray, weights: FloatArray | No
 
 def position_error(estimated_m: FloatArray, true_m: FloatArray) -> PositionError:
     """Of positions (n, 2), as they stand."""
-    squares = np.sort(((estimated_m - true_m) ** 2).sum(axis=1))
+    with np.errstate(over="ignore"):  # a record may hold a pose of 1e200 m: it is infinitely far off
+        squares = np.sort(((estimated_m - true_m) ** 2).sum(axis=1))
     kept = squares[: max(1, int(np.ceil(0.95 * len(squares))))]
     return PositionError(float(np.sqrt(squares[-1])), float(np.sqrt(squares.mean())), float(np.sqrt(kept.mean())))
 
