@@ -60,7 +60,7 @@ class Confidence:
 CONFIDENT = Confidence()
 
 
-class Asked(NamedTuple):
+class InView(NamedTuple):
     """Landmarks that can be in view.
 
     places (k,) in the predicted joint state; settled (k,): which of them count; undecided (k,): those that are not
@@ -89,7 +89,7 @@ class DetectionRates(NamedTuple):
 
 def score(
     joint: JointArrays,
-    asked: Asked,
+    in_view: InView,
     features: FeatureRows,
     chosen: IntArray,
     sight: SightLine,
@@ -98,9 +98,9 @@ def score(
 ) -> Evidence:
     """Evidence of one scan before it is folded in; rates are brought up to date in place.
 
-    chosen (K,): number of a landmark among those asked for, or a verdict.
+    chosen (K,): number of a landmark among those in view, or a verdict.
     """
-    known, found, missed, against, squares = _score(joint, asked, features, chosen, sight, rates, tuning)
+    known, found, missed, against, squares = _score(joint, in_view, features, chosen, sight, rates, tuning)
     against = min(max(against, -MOST_OF_A_SCAN), MOST_OF_A_SCAN)
     return Evidence(known, found, missed, against, squares / max(found, 1))
 
@@ -123,7 +123,7 @@ def learn(rates: DetectionRates, index: int, is_found: bool) -> None:
 @kernel
 def _score(
     joint: JointArrays,
-    asked: Asked,
+    in_view: InView,
     features: FeatureRows,
     chosen: IntArray,
     sight: SightLine,
@@ -132,7 +132,7 @@ def _score(
 ) -> tuple[int, int, int, float, float]:
     """Known, found, missed, log-odds against the pose, and the sum of the squared distances of the found ones."""
     sensor = sensor_pose(joint.mean, joint.mount)
-    places, by = asked.places, np.full(asked.places.size, -1)
+    places, by = in_view.places, np.full(in_view.places.size, -1)
     for feature in range(chosen.size):
         if chosen[feature] >= 0:
             by[chosen[feature]] = feature
@@ -140,14 +140,14 @@ def _score(
     for index in range(places.size):
         x, y = joint.mean[places[index]], joint.mean[places[index] + 1]
         is_found = by[index] >= 0
-        is_missed = not is_found and not asked.undecided[index] and in_clear_view(x, y, sensor, sight, tuning)
+        is_missed = not is_found and not in_view.undecided[index] and in_clear_view(x, y, sensor, sight, tuning)
         if rates.missed[index]:
             rate = rates.after_miss[1] / rates.after_miss[0]
         else:
             rate = (rates.finds[index] + FIRST_FINDS) / (rates.looks[index] + FIRST_LOOKS)
         if is_found or is_missed:
             learn(rates, index, is_found)
-        if not asked.settled[index]:
+        if not in_view.settled[index]:
             continue
         rate = max(rate, CHANCE)
         if is_found:

@@ -18,10 +18,10 @@ from slam.joint.evidence import (
     FIRST_FINDS_AFTER_MISS,
     FIRST_LOOKS_AFTER_MISS,
     SETTLED_SCANS,
-    Asked,
     Confidence,
     DetectionRates,
     Evidence,
+    InView,
     score,
 )
 from slam.joint.kernels import predict, update
@@ -190,8 +190,8 @@ class JointGaussian:
         if from_elsewhere:
             self._since_look_m = 0.0
         looked = (atlas.looks[near], atlas.finds[near], atlas.missed[near], self.after_miss.copy())
-        rates, asked = DetectionRates(*looked, from_elsewhere), Asked(places, settled, unsure)
-        self.evidence = score(self._arrays, asked, features, chosen, sight, rates, self._tuning)
+        rates, in_view = DetectionRates(*looked, from_elsewhere), InView(places, settled, unsure)
+        self.evidence = score(self._arrays, in_view, features, chosen, sight, rates, self._tuning)
         matched = np.flatnonzero(chosen >= 0)
         self._update(places[chosen[matched]], matched, features)
         verdicts = chosen.copy()

@@ -74,7 +74,9 @@ def undecided(
     """
     if not asks_for_two:
         return np.zeros(len(places), dtype=np.bool_)
-    return (expected_within(joint, places) > ALONE_M) & lie_near(joint, places, features, gates.match_widest)
+    unsure: BoolArray = expected_within(joint, places) > ALONE_M
+    unsure[unsure] = lie_near(joint, places[unsure], features, gates.match_widest)
+    return unsure
 
 
 def _old_ones(chosen: IntArray, old: BoolArray) -> int:

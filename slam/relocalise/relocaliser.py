@@ -1,9 +1,10 @@
 """Finds the way back by itself: looks for what is around the rover in the maps that it knows, and joins them.
 
-Three occasions: the pose is in doubt (a local map is made from then on and looked for); nothing of the rooted map has
+Four occasions: the pose is in doubt (a local map is made from then on and looked for); nothing of the rooted map has
 been seen for a while (the landmarks made since are looked for: a slip into unmapped country leaves nothing to be
-missed); other maps are known. Landmarks are looked for as constellations, and walls by the scans themselves. Work in a
-tick is bounded; a result is used at the scan that brings it.
+missed); the position is known to metres only, as after a large loop; other maps are known. Landmarks are looked for as
+constellations, and walls by the scans themselves. Work in a tick is bounded; a result is used at the scan that brings
+it.
 """
 
 import math

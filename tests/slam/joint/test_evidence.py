@@ -6,9 +6,9 @@ from slam.joint.evidence import (
     FIRST_FINDS_AFTER_MISS,
     FIRST_LOOKS_AFTER_MISS,
     MOST_OF_A_SCAN,
-    Asked,
     DetectionRates,
     Evidence,
+    InView,
     score,
 )
 from slam.joint.measurement import FIRST_PLACE, JointArrays
@@ -40,8 +40,8 @@ def scan_of(
     settled = np.ones(len(points), dtype=np.bool_)
     features = features_at(points) if found else NO_FEATURES
     chosen = np.arange(len(points)) if found else np.zeros(0, dtype=np.int64)
-    asked = Asked(places, settled, np.zeros(len(points), dtype=np.bool_) if undecided is None else undecided)
-    return score(joint, asked, features, chosen, sight, learnt, TUNING)
+    in_view = InView(places, settled, np.zeros(len(points), dtype=np.bool_) if undecided is None else undecided)
+    return score(joint, in_view, features, chosen, sight, learnt, TUNING)
 
 
 def test_what_is_always_found_speaks_loudly_when_it_is_missed() -> None:
