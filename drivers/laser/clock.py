@@ -18,6 +18,7 @@ from drivers.laser.timing.drift import HALF_MS_NS, POINTS_MIN, fastest_slope, sl
 BUCKETS = 600  # five minutes: a crystal's drift changes with temperature, not faster
 NS_PER_US = 1000
 ANCHOR_LATE_NS = 50_000_000  # by so much the first scan after TM may be later than usual
+BUSY_LATE_NS, BUSY_SCANS = 1_000_000_000, 3  # so much later a busy host may get it, but not so many in a row
 ANCHOR_SPAN_NS = 120_000_000_000  # as long the offset hangs on the answers to TM
 AGREEING_SIGMAS = 2.0
 SLOWEST_SPAN_NS = 60_000_000_000
@@ -55,7 +56,7 @@ class LaserClock:
         self._drift_sigma = DRIFT_PRIOR_PPM * 1e-6
         self._prior = (self._drift, self._drift_sigma)
         self._anchor: tuple[int, float] | None = None
-        self._is_anchor_checked = False
+        self._unchecked_scans, self._expected_delay_ns = 0, 0.0
         self._envelope: Envelope | None = None
         self.misfits = 0
         self.delay_ns = 0.0
@@ -139,7 +140,8 @@ class LaserClock:
             self._restart()
         self._steps.forget()
         self._anchor = (at_ns, (low + high) / 2.0)
-        self._is_anchor_checked = False
+        self._unchecked_scans = 1 if reading is CounterStatus.RESTARTED else BUSY_SCANS
+        self._expected_delay_ns = self.delay_ns if self.delay_ns > 0.0 else nominal_delay_ns + 4.0 * ANCHOR_LATE_NS
         self.bracket_ns = (high - low) / 2.0
         return reading
 
@@ -152,7 +154,7 @@ class LaserClock:
         reading = self._unwrap.take(counter_ms, arrival_ns)
         if reading is CounterStatus.STALE:
             return reading
-        if reading is CounterStatus.GOOD and not self._fits_anchor(arrival_ns, nominal_delay_ns):
+        if reading is CounterStatus.GOOD and not self._fits_anchor(arrival_ns):
             reading, self.delay_ns = CounterStatus.RESTARTED, nominal_delay_ns
         if reading is CounterStatus.RESTARTED:
             self._restart()
@@ -195,18 +197,21 @@ class LaserClock:
         assert self._envelope is not None
         return arrival_ns - self._envelope.at_ns - self._envelope.level_ns
 
-    def _fits_anchor(self, arrival_ns: int, nominal_delay_ns: float) -> bool:
-        """False if the first scan after TM cannot be of the clock that answered: it began anew in between."""
-        if self._anchor is None or self._is_anchor_checked:
+    def _fits_anchor(self, arrival_ns: int) -> bool:
+        """False if the first scans after TM cannot be of the clock that answered: it began anew in between.
+
+        A scan that is late only, as a busy host gets it, leaves that to the next: another clock is late each time.
+        """
+        if self._anchor is None or self._unchecked_scans == 0:
             return True
-        self._is_anchor_checked = True
-        self.misfits += 1
+        self._unchecked_scans -= 1
         delay_ns = arrival_ns - self._unwrap.total_ms * NS_PER_MS - self._anchor[1]
-        expected_ns = self.delay_ns if self.delay_ns > 0.0 else nominal_delay_ns + 4.0 * ANCHOR_LATE_NS
-        is_late = delay_ns >= expected_ns + ANCHOR_LATE_NS
+        late_ns = delay_ns - self._expected_delay_ns
         is_early = delay_ns + DELAY_STEP_NS < 0
-        if not (is_early or is_late):
-            self.misfits = 0
+        if self._unchecked_scans and ANCHOR_LATE_NS <= late_ns < BUSY_LATE_NS:
+            return True
+        self._unchecked_scans = 0
+        self.misfits = self.misfits + 1 if is_early or late_ns >= ANCHOR_LATE_NS else 0
         return self.misfits == 0
 
     def _restart(self) -> None:

@@ -198,6 +198,27 @@ def test_a_restart_between_the_answers_and_the_first_scan_is_told_once() -> None
     assert clock.stamp_ns() == pytest.approx(2_200_000_000, abs=2_000_000)
 
 
+@pytest.mark.parametrize("late_ns", [200_000_000, 700_000_000])
+def test_a_first_scan_that_a_busy_host_held_up_is_no_restart_and_another_clock_is(late_ns: int) -> None:
+    rng = np.random.default_rng(5)
+    clock, device = LaserClock(200.0), SimulatedCounter(0.0, 0)
+    clock.synchronise(device.answers(0, rng), DELAY_NS)
+    run(clock, device, 50_000_000, 10 * 10**9, rng)
+    clock.synchronise(device.answers(10 * 10**9, rng), DELAY_NS)
+
+    def read(start_ns: int, held_up_ns: int) -> CounterStatus:
+        return clock.observe(device.counter_ms(start_ns), start_ns + DELAY_NS + held_up_ns, DELAY_NS)
+
+    assert read(10_100_000_000, late_ns) is CounterStatus.GOOD
+    assert clock.stamp_ns() == pytest.approx(10_100_000_000, abs=2_000_000)
+    assert read(10_200_000_000, 0) is CounterStatus.GOOD
+    assert clock.misfits == 0
+    clock.synchronise(device.answers(11 * 10**9, rng), DELAY_NS)
+    late = [read(11_100_000_000 + beat * PERIOD_NS, late_ns) for beat in range(4)]
+    assert late == [CounterStatus.GOOD, CounterStatus.GOOD, CounterStatus.RESTARTED, CounterStatus.GOOD]
+    assert clock.misfits == 1
+
+
 def test_microseconds_take_away_the_half_millisecond_of_a_counter() -> None:
     rng = np.random.default_rng(3)
     clock, device = LaserClock(200.0), SimulatedCounter(20.0, 0)

@@ -49,8 +49,8 @@ def test_a_fault_that_does_no_harm_may_be_left_out() -> None:
 def test_a_trial_that_could_not_be_driven_counts_as_wrong_and_ends_no_other(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    failing = Mock(side_effect=RuntimeError("infant run ended before its first line of ticks: "))
+    failing = Mock(side_effect=RuntimeError("infant run ended before a line of ticks: "))
     monkeypatch.setattr(typed_trials, "drive", failing)
     found = answer("wheels silence", 0, tmp_path)
     assert (found.kind, found.right) == ("not driven", False)
-    assert "before its first line" in row("wheels silence", [found])
+    assert "before a line of ticks" in row("wheels silence", [found])
