@@ -6,6 +6,7 @@ Anyone may publish on the rover's keys: what makes no sense is passed over.
 import json
 import math
 from collections import deque
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,9 @@ from slam.settings.slam import MountSettings
 HEARD = ("pose", "scan_full", "status", "landmarks", "event")
 CELL_M = 0.2
 MOST_CELLS = 60_000
+STILL_NS, PAUSE_NS = 2_000_000_000, 1_500_000_000  # a cell is of the map once scans ended there for so long, with no
+# longer pause: who walks by is in a cell for half a second
+MOST_CANDIDATES = 20_000
 PATH_SPACING_M = 0.1
 MOST_PATH_POINTS = 20_000
 MOST_BEAMS = 361
@@ -37,7 +41,8 @@ SPEED_POSES = 10  # a second of them
 class RoverState:
     """Owned by one thread. cells (steps of CELL_M) and path (m) only grow, so that a viewer needs but their ends.
 
-    Cells are where scans ended. Both begin anew with the rover: another generation.
+    Cells are where scans ended for a while: who walks by leaves none. Both begin anew with the rover, as another
+    generation.
     """
 
     def __init__(self, rover: str) -> None:
@@ -50,6 +55,7 @@ class RoverState:
         self._mount = mount
         self._poses: deque[tuple[int, Pose2]] = deque(maxlen=POSES_KEPT)
         self._seen: set[int] = set()
+        self._candidates: dict[int, tuple[int, int]] = {}  # when scans began to end there, and when one last did
         self.cells: list[tuple[int, int]] = []
         self.path: list[tuple[float, float]] = []
         self._pose: dict[str, float] | None = None
@@ -137,12 +143,22 @@ class RoverState:
         points_m = (pose @ self._mount.as_pose()).transform(beams)
         if np.isfinite(points_m).all():
             self._scan = points_m.round(2).ravel().tolist()
-            self._add_cells(points_m)
+            self._add_cells(points_m, stamp_ns)
 
-    def _add_cells(self, points_m: FloatArray) -> None:
+    def _add_cells(self, points_m: FloatArray, stamp_ns: int) -> None:
+        if len(self._candidates) > MOST_CANDIDATES:
+            fresh = ((key, span) for key, span in self._candidates.items() if 0 <= stamp_ns - span[1] <= PAUSE_NS)
+            self._candidates = dict(islice(fresh, MOST_CANDIDATES // 2))
         for column, row in np.unique(np.floor(points_m / CELL_M).astype(np.int64), axis=0).tolist():
             key = (column << 32) ^ (row & 0xFFFFFFFF)
-            if key not in self._seen and len(self.cells) < MOST_CELLS:
+            if key in self._seen or len(self.cells) >= MOST_CELLS:
+                continue
+            began_ns, last_ns = self._candidates.get(key, (stamp_ns, stamp_ns))
+            if not 0 <= stamp_ns - last_ns <= PAUSE_NS:
+                began_ns = stamp_ns
+            self._candidates[key] = (began_ns, stamp_ns)
+            if stamp_ns - began_ns >= STILL_NS:
+                del self._candidates[key]
                 self._seen.add(key)
                 self.cells.append((column, row))
 

@@ -68,6 +68,9 @@ function bounds() {
 
 function draw() {
   const canvas = $("map"), pen = canvas.getContext("2d"), look = getComputedStyle(document.body);
+  const dot = window.devicePixelRatio || 1;  // one pixel of the page, so that lines are as wide on every screen
+  canvas.width = Math.round(canvas.clientWidth * dot);
+  canvas.height = Math.round(canvas.width * 3 / 4);
   const [left, low, right, high] = bounds();
   const scale = Math.min(canvas.width / (right - left), canvas.height / (high - low));
   const x = (at) => canvas.width / 2 + (at - (left + right) / 2) * scale;
@@ -76,35 +79,40 @@ function draw() {
   pen.fillStyle = look.backgroundColor;
   pen.fillRect(0, 0, canvas.width, canvas.height);
   pen.fillStyle = colour("cell");
-  const side = Math.max(1.5, CELL_M * scale);
-  for (const [column, row] of map.cells) pen.fillRect(x(column * CELL_M), y((row + 1) * CELL_M), side, side);
+  const side = Math.max(dot, Math.ceil(CELL_M * scale));
+  for (const [column, row] of map.cells)
+    pen.fillRect(Math.floor(x(column * CELL_M)), Math.floor(y((row + 1) * CELL_M)), side, side);
   pen.strokeStyle = colour("path");
-  pen.lineWidth = 3;
+  pen.lineWidth = 2 * dot;
+  pen.lineJoin = "round";
   pen.beginPath();
   map.path.forEach(([east, north], k) => (k ? pen.lineTo(x(east), y(north)) : pen.moveTo(x(east), y(north))));
   pen.stroke();
   pen.fillStyle = colour("beam");
   const scan = map.beat.scan;
-  for (let k = 0; k < scan.length; k += 2) pen.fillRect(x(scan[k]) - 1.5, y(scan[k + 1]) - 1.5, 3, 3);
+  for (let k = 0; k < scan.length; k += 2) pen.fillRect(x(scan[k]) - 1.25 * dot, y(scan[k + 1]) - 1.25 * dot, 2.5 * dot, 2.5 * dot);
   pen.fillStyle = colour("landmark");
   const landmarks = map.beat.landmarks;
   for (let k = 0; k < landmarks.length; k += 2) {
     pen.beginPath();
-    pen.arc(x(landmarks[k]), y(landmarks[k + 1]), 4, 0, 2 * Math.PI);
+    pen.arc(x(landmarks[k]), y(landmarks[k + 1]), 3 * dot, 0, 2 * Math.PI);
     pen.fill();
   }
   const pose = map.beat.pose;
   if (pose) {
     pen.fillStyle = look.color;
     pen.beginPath();
-    for (const [ahead, turn] of [[14, 0], [10, 2.5], [10, -2.5]])
+    for (const [steps, turn] of [[14, 0], [10, 2.5], [10, -2.5]]) {
+      const ahead = steps * dot;
       pen.lineTo(x(pose.x_m) + ahead * Math.cos(pose.heading_rad + turn), y(pose.y_m) - ahead * Math.sin(pose.heading_rad + turn));
+    }
     pen.fill();
   }
   const metre = 10 ** Math.floor(Math.log10((right - left) / 4));
   pen.fillStyle = look.color;
-  pen.fillRect(12, canvas.height - 16, metre * scale, 4);
-  $("scale").textContent = `bar: ${metre} m`;
+  pen.fillRect(12 * dot, canvas.height - 14 * dot, metre * scale, 3 * dot);
+  pen.font = `${14 * dot}px system-ui, sans-serif`;
+  pen.fillText(`${metre} m`, 12 * dot, canvas.height - 20 * dot);
 }
 
 function listen() {
@@ -145,8 +153,15 @@ async function command(name) {
   $("answer").textContent = said.accepted ? `${name}: accepted` : `${name}: refused: ${said.reason}`;
 }
 
-$("follow").onclick = () => { map.follow = true; $("follow").setAttribute("aria-pressed", "true"); };
-$("all").onclick = () => { map.follow = false; $("follow").setAttribute("aria-pressed", "false"); };
+function look_at(follow) {
+  map.follow = follow;
+  $("follow").setAttribute("aria-pressed", follow);
+  $("all").setAttribute("aria-pressed", !follow);
+  if (map.beat) draw();
+}
+
+$("follow").onclick = () => look_at(true);
+$("all").onclick = () => look_at(false);
 $("mark").onclick = () => command("mark");
 $("stop").onclick = () => confirm("Stop the recording? Only a new run records again.") && command("stop");
 fetch("allowed").then((answer) => answer.json()).then((said) => { $("commands").hidden = !said.commands; });

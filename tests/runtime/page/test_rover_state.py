@@ -2,14 +2,20 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from drivers.measurements import Scan, uniform_bearings
 from runtime.messages.definitions import deserialize, serialize
-from runtime.page.rover_state import RoverState
+from runtime.page.rover_state import CELL_M, RoverState
 from runtime.publish.follow import Message
+from runtime.ros2.laser_scan import scan_bytes
 from runtime.ros2.poses import POSE, pose_bytes
+from runtime.ros2.vehicle import Vehicle
+from slam.pose import Pose2
+from tests.support.runtime.drawn_drive import MOUNT, PERIOD_NS
 from tests.support.runtime.recorded_values import make_estimate
 
 
@@ -35,3 +41,21 @@ def test_any_quaternion_is_drawn_or_passed_over(value: float) -> None:
     state = RoverState("r1")
     state.take(Message("pose", pose_with(value)))
     assert json.dumps(state.beat(True), allow_nan=False)
+
+
+def test_who_walks_by_leaves_no_cells_and_what_stands_still_does() -> None:
+    state = RoverState("r1")
+    state.begin(MOUNT)
+    still = replace(make_estimate(1, np.random.default_rng(0)), map_from_body=Pose2(0.0, 0.0, 0.0))
+    bearings_rad = uniform_bearings(-np.pi, np.pi / 180.0, 360)
+    for beat in range(60):
+        stamp_ns = beat * PERIOD_NS
+        ranges_m = np.full(360, np.nan, np.float32)
+        ranges_m[50:60] = 3.0  # a post
+        ranges_m[150 + 2 * beat : 160 + 2 * beat] = 2.0  # who walks around the rover with 0.7 m/s
+        scan = Scan(stamp_ns, ranges_m, bearings_rad, 0.0, range_max_m=30.0)
+        state.take(Message("pose", pose_bytes(stamp_ns, still)))
+        state.take(Message("scan_full", scan_bytes(scan, 0, Vehicle())))
+    ranges_m = np.hypot(*(np.array(state.cells) * CELL_M + CELL_M / 2 - np.array((MOUNT.x_m, 0.0))).T)
+    assert len(state.cells) > 0
+    assert ranges_m == pytest.approx(3.0, abs=CELL_M)
