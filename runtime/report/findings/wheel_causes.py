@@ -30,6 +30,7 @@ BUS = {  # kind of event: cause; the gravest first
     "restarted": "the CAN bus was interrupted: wiring or termination",
 }
 BEFORE_S, AFTER_S = 0.5, 0.5
+EDGE_S = 0.1  # of a silence: what waits there may be the last frames before it or the first ones after it
 BACK_S = 2.0  # a node tells of its restart once a second
 
 
@@ -40,6 +41,12 @@ def around(facts: RunFacts, intervals: Sequence[Interval], after_s: float = AFTE
         for event in facts.events_of("encoders")
         if any(start - BEFORE_S <= facts.seconds(event.stamp_ns) <= end + after_s for start, end in intervals)
     ]
+
+
+def frames_waited(facts: RunFacts, intervals: Sequence[Interval]) -> bool:
+    """Whether frames were in the buffer for long in the middle of these times, in which no wheel's were among them."""
+    waited_s = [facts.seconds(event.stamp_ns) for event in facts.events_of("encoders", "late", "overflow")]
+    return any(start + EDGE_S < time_s < end - EDGE_S for time_s in waited_s for start, end in intervals)
 
 
 def side_of(event: Event) -> str:
@@ -58,8 +65,10 @@ def encoders_text(sides: Collection[str]) -> str:
     return f"The {next(iter(sides))} wheel encoder" if len(sides) == 1 else "Both wheel encoders"
 
 
-def silence_cause(events: Sequence[Event], faults: Sequence[Event], sides: Collection[str]) -> str:
-    """Of counts that stayed away. faults: those of the events that say that a wheel could not be used."""
+def silence_cause(events: Sequence[Event], faults: Sequence[Event], sides: Collection[str], waited: bool) -> str:
+    """Of counts that stayed away. faults: those of the events that say that a wheel could not be used; waited: whether
+    other frames waited meanwhile until they were read.
+    """
     for kind, cause in BUS.items():
         if any(event.kind == kind for event in events):
             return cause
@@ -70,6 +79,8 @@ def silence_cause(events: Sequence[Event], faults: Sequence[Event], sides: Colle
             return DAMAGE[event.kind]
     if any(event.kind == "restart" for event in events):
         return "the node lost power and restarted when power came back"
+    if waited and len(sides) > 1:
+        return "other frames flooded the bus, or the host was too busy to read them: they waited in the buffer"
     if len(sides) == 1:
         return "this node lost power, or its cable came loose"
     return "both nodes lost power, or the bus is broken"

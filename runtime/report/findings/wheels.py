@@ -23,6 +23,7 @@ from runtime.report.findings.wheel_causes import (
     DAMAGE,
     around,
     encoders_text,
+    frames_waited,
     side_of,
     silence_cause,
     wheels_text,
@@ -72,7 +73,7 @@ def _silent(facts: RunFacts) -> list[Finding]:
     sides |= {found.group(1) for found in heard_of if found is not None}
     one = len(sides) == 1 and not any(event.kind in BUS for event in said)
     sides = sides if one else {"left", "right"}
-    cause = silence_cause(said, faults, sides)
+    cause = silence_cause(said, faults, sides, frames_waited(facts, intervals))
     refused = any(event.kind in DAMAGE and event.kind != "lost_together" for event in faults)
     what = "gave no usable counts" if refused else "stopped sending"
     again = " and then restarted" if any(event.kind == "restart" for event in said) else ""

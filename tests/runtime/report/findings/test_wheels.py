@@ -69,6 +69,14 @@ def test_a_bus_in_trouble_is_named_and_no_wheel(facts: RunFacts, kind: str, word
     assert word in told[0].cause
 
 
+@pytest.mark.parametrize(("waited_s", "word"), [(5.0, "flooded the bus"), (3.95, "lost power"), (5.95, "lost power")])
+def test_frames_that_wait_while_no_wheel_is_heard_are_a_flood(facts: RunFacts, waited_s: float, word: str) -> None:
+    silent = "wheel: silent: no good frame for 0.2 s; check power and cable of the node"
+    both = [(4.2, "invalid", f"{side} {silent}") for side in ("left", "right")]
+    told = _told(facts, *both, (waited_s, "late", "frames waited before they were read"))
+    assert word in told[0].cause
+
+
 def test_no_effect_is_told_to_come_before_its_cause() -> None:
     early = Finding("pose_lost", Severity.ERROR, "", (), "", "", ((1.0, 2.0),))
     cause = Finding("laser_silent", Severity.WARN, "", (), "", "", ((3.0, 4.0),))
