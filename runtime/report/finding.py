@@ -1,6 +1,5 @@
 """What a review says about a run: one finding with its evidence, its likely cause and what to change."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from drivers.measurements import Event, Severity
 
 Interval = tuple[float, float]
-SHORT_S = 10.0  # below it a span shows tenths of a second
+LATE_S, SHORT_S = 120.0, 10.0  # before and below which a span shows tenths of a second
 RANKS = {Severity.INFO: 0, Severity.WARN: 1, Severity.ERROR: 2}
 
 
@@ -42,13 +41,12 @@ def worst(findings: Sequence[Finding]) -> Severity:
 
 
 def span_text(interval: Interval) -> str:
-    """12.1-13.4 s, or 03:10-04:20 from the second minute on, with tenths where it is short."""
+    """12.1-13.4 s, or 190-260 s where it is late and long, as the plots, the events and `infant view --at` count."""
     start, end = interval
-    if end < 120.0:
-        return f"{start:.1f}-{end:.1f} s"
-    if end - start < SHORT_S:
-        return f"{_clock(start, tenths=True)}-{_clock(end, tenths=True)}"
-    return f"{_clock(start)}-{_clock(end)}"
+    if end >= LATE_S and end - start >= SHORT_S:
+        return f"{start:.0f}-{end:.0f} s"
+    first, last = f"{start:.1f}", f"{end:.1f}"
+    return f"{first} s" if first == last else f"{first}-{last} s"
 
 
 def spans_text(intervals: Sequence[Interval], most: int = 4) -> str:
@@ -85,14 +83,3 @@ def silences(times_s: NDArray[np.float64], until_s: float, least_s: float) -> tu
     """Where nothing came for least_s or longer between 0 and until_s; all of it where there is nothing at all."""
     edges = np.concatenate(((0.0,), np.sort(np.clip(times_s, 0.0, until_s)), (until_s,)))
     return tuple((float(edges[i]), float(edges[i + 1])) for i in np.flatnonzero(np.diff(edges) >= least_s))
-
-
-def clock_text(seconds: float) -> str:
-    """16:40, as a review names a time since the first tick."""
-    return _clock(seconds)
-
-
-def _clock(seconds: float, tenths: bool = False) -> str:
-    tenth = math.floor(seconds * 10.0 + 0.5) if tenths else math.floor(seconds) * 10
-    text = f"{tenth // 600:02d}:{tenth // 10 % 60:02d}"
-    return f"{text}.{tenth % 10}" if tenths else text

@@ -2,12 +2,15 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from drivers.measurements import Event
 from runtime.report.facts import RunFacts
 from runtime.report.finding import Interval
 
 Advice = tuple[str, str]
 BEFORE_S, AFTER_S = 2.0, 1.5  # around a silence: what led to it, and what the driver found when it was over
+SILENT_SHARE = 0.5  # of a laser's silence, without any wheel
 BROKEN = ("broke", "closed the connection", "nothing listens", "no route", "unreachable")
 POWER: Advice = ("the laser was switched off and on, or lost power", "check the laser's power supply and plug")
 RESET: Advice = (
@@ -27,6 +30,10 @@ LINK: Advice = ("the connection broke and was re-established", "check the laser'
 HANGS: Advice = (
     "the laser stays connected but sends nothing: it hangs",
     "switch it off and on; update its firmware if it happens again",
+)
+HELD_UP: Advice = (
+    "no wheel was heard at that time either: the host was too busy to read its sensors, or all of them lost power",
+    "raise loop.priority so that other work on the host has to wait, or run less of it; check the common supply",
 )
 NOTHING: Advice = (
     "nothing arrives: the power or the cable failed, or the laser hangs",
@@ -72,6 +79,8 @@ def silence_cause(facts: RunFacts, intervals: Sequence[Interval], events: Sequen
             return advice
     if link_broke(events):
         return LINK
+    if _all_were_silent(facts, intervals):
+        return HELD_UP
     if any(_led_to(facts, event, start) for event in events for start, _ in intervals):
         return LOST
     return HANGS if any(event.kind in ("silences", "no_answer") for event in events) else NOTHING
@@ -94,3 +103,16 @@ def link_broke(events: Sequence[Event]) -> bool:
 def _led_to(facts: RunFacts, event: Event, start_s: float) -> bool:
     """Whether scans got lost one by one before all stayed away."""
     return event.kind == "dropped_scans" and start_s - BEFORE_S <= facts.seconds(event.stamp_ns) <= start_s + 0.2
+
+
+def _all_were_silent(facts: RunFacts, intervals: Sequence[Interval]) -> bool:
+    """Whether there was no good sample of the wheels for most of each of these times."""
+    wheels_s = facts.wheels.times_s[facts.wheels.valid]
+    if not wheels_s.size:
+        return False
+    for start, end in intervals:
+        inside_s = wheels_s[(wheels_s > start) & (wheels_s < end)]
+        longest_s = float(np.diff(np.concatenate(((start,), inside_s, (end,)))).max())
+        if longest_s < SILENT_SHARE * (end - start):
+            return False
+    return True

@@ -2,7 +2,7 @@
 
 from drivers.measurements import Severity
 from runtime.report.facts import RunFacts
-from runtime.report.finding import Finding, clock_text, spans_text
+from runtime.report.finding import Finding, spans_text, times_text
 
 SHOWN = 5  # of each kind, as evidence
 MANY_SIGMAS = 5.0  # of a parting: the pose was not where its covariance said
@@ -18,16 +18,15 @@ def _wrong_matches(facts: RunFacts) -> list[Finding]:
     if not matches:
         return []
     first = matches[0]
-    times = ", ".join(clock_text(match.start_s) for match in matches[:SHOWN])
-    more = f" and {len(matches) - SHOWN} more" if len(matches) > SHOWN else ""
-    title = f"A wrong match at {times}" if len(matches) == 1 else f"Wrong matches at {times}{more}"
+    times = times_text([match.start_s for match in matches], SHOWN)
+    title = f"A wrong match at {times}" if len(matches) == 1 else f"Wrong matches at {times}"
     return [
         Finding(
             kind="wrong_matches",
             severity=Severity.WARN,
             title=title,
             evidence=tuple(
-                f"{clock_text(match.start_s)}: {match.sightings} sightings taken for landmark {match.landmark}, up to "
+                f"{match.start_s:.0f} s: {match.sightings} sightings taken for landmark {match.landmark}, up to "
                 f"{match.off_m:.2f} m from it"
                 for match in matches[:SHOWN]
             ),

@@ -84,3 +84,12 @@ def silence_cause(events: Sequence[Event], faults: Sequence[Event], sides: Colle
     if len(sides) == 1:
         return "this node lost power, or its cable came loose"
     return "both nodes lost power, or the bus is broken"
+
+
+def silence_remedy(one: bool, waited: bool) -> str:
+    """Of counts that stayed away. one: only one wheel's; waited: as silence_cause."""
+    if one:
+        return "check its power and its cable"
+    if waited:
+        return "find the node that sends so much, and raise loop.priority so that other work on the host has to wait"
+    return "check power and cables of both nodes and the bus; see [encoders.bus]"

@@ -26,6 +26,7 @@ from runtime.report.findings.wheel_causes import (
     frames_waited,
     side_of,
     silence_cause,
+    silence_remedy,
     wheels_text,
 )
 from runtime.report.wheel_calibration import WINDOW_S
@@ -73,7 +74,8 @@ def _silent(facts: RunFacts) -> list[Finding]:
     sides |= {found.group(1) for found in heard_of if found is not None}
     one = len(sides) == 1 and not any(event.kind in BUS for event in said)
     sides = sides if one else {"left", "right"}
-    cause = silence_cause(said, faults, sides, frames_waited(facts, intervals))
+    waited = frames_waited(facts, intervals)
+    cause = silence_cause(said, faults, sides, waited)
     refused = any(event.kind in DAMAGE and event.kind != "lost_together" for event in faults)
     what = "gave no usable counts" if refused else "stopped sending"
     again = " and then restarted" if any(event.kind == "restart" for event in said) else ""
@@ -84,9 +86,7 @@ def _silent(facts: RunFacts) -> list[Finding]:
             f"{encoders_text(sides)} {what} during {spans_text(intervals)}{again}",
             (f"no good wheel sample for up to {longest:.1f} s", *driver_reports([*said, *unheard])),
             cause,
-            "check its power and its cable"
-            if one
-            else "check power and cables of both nodes and the bus; see [encoders.bus]",
+            silence_remedy(one, waited),
             intervals,
         )
     ]

@@ -23,6 +23,7 @@ MOST_POINTS = 1500  # of a curve; every bin keeps its least and its greatest
 MOST_PLACES = 4000  # of a path
 BREAK_S, BREAK_STEPS = 0.5, 5.0  # a longer pause than both of these parts a curve
 ROW_PX, HEIGHT_PX, MAP_PX = 34, 230, 560
+LEFT_PX = 14  # of a plot without an axis there, for half of the first label beneath
 QUIET, GRID, MARK = "#7b8792", "#7b879240", "#e0a030"  # seen on white and on black
 COLOURS = {"a": "#2f86dc", "b": "#dd6f1a", "c": "#36a04c", "q": "#16a3a3", "info": "#5b82ab", "warn": "#c98a1b"}
 COLOURS |= {"error": "#d9483b", "start": "#36a04c", "end": "#d9483b", "recognised": "#a05bd0", "people": "#c98a1b"}
@@ -93,6 +94,7 @@ class Plots:
         plot = self._figure("", height=ROW_PX * len(rows) + 70)
         plot.y_range = Range1d(start=len(rows), end=0.0)
         plot.yaxis.visible = plot.ygrid.visible = False
+        plot.min_border_left = LEFT_PX
         spans = [(row, name, style, *interval) for row, (name, style, all_) in enumerate(rows) for interval in all_]
         least_s = self._duration_s * 0.004
         source = {

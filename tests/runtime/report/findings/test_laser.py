@@ -1,0 +1,28 @@
+from dataclasses import replace
+from pathlib import Path
+
+from drivers.measurements import Event, Severity
+from runtime.report.facts import RunFacts, ScanColumns
+from runtime.report.findings.laser import laser_findings
+from tests.support.runtime.seeded_runs import seeded_facts
+
+START_S, END_S = 4.0, 6.0
+
+
+def _without_scans(facts: RunFacts) -> RunFacts:
+    kept = (facts.scans.times_s < START_S) | (facts.scans.times_s > END_S)
+    scans = facts.scans
+    columns = (scans.times_s, scans.age_s, scans.returned_share, scans.moved_share, scans.near_moved_share)
+    why = "nothing came from the laser for 0.5 s; asking again"
+    asked = Event(facts.origin_ns + 4_600_000_000, "laser", "silences", why, Severity.WARN)
+    return replace(facts, scans=ScanColumns(*(column[kept] for column in columns)), events=(asked,))
+
+
+def test_a_laser_that_falls_silent_with_the_wheels_does_not_hang(tmp_path: Path) -> None:
+    facts = _without_scans(seeded_facts(tmp_path, 1, duration_s=8.0))
+    (alone,) = [finding for finding in laser_findings(facts) if finding.kind == "laser_silent"]
+    assert "it hangs" in alone.cause
+    inside = (facts.wheels.times_s > START_S) & (facts.wheels.times_s < END_S)
+    facts = replace(facts, wheels=replace(facts.wheels, valid=facts.wheels.valid & ~inside))
+    (together,) = [finding for finding in laser_findings(facts) if finding.kind == "laser_silent"]
+    assert "no wheel was heard at that time either" in together.cause
