@@ -39,7 +39,7 @@ def test_a_run_is_smoothed_evaluated_and_reviewed(run: Path) -> None:
     result = json.loads(path.read_text())
     path.write_text(json.dumps(result | {"wrong_matches": [WRONG]}))
     finding = next(each for each in examine(run).findings if each.kind == "wrong_matches")
-    assert finding.title == "A wrong match at 00:01"
+    assert finding.title == "A wrong match at 1.0 s"
     path.write_text(json.dumps(result | {"estimates": "another-replay", "wrong_matches": [WRONG]}))
     folder = RunFolder(run)
     assert read_smoothed(folder, folder) is None
