@@ -4,6 +4,7 @@ import asyncio
 import socket
 import struct
 from collections import Counter
+from collections.abc import Iterable
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -88,3 +89,10 @@ class BoundedConnection(H11Protocol):
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None
+
+
+def cut_client(connections: Iterable[object], client: tuple[str, int]) -> None:
+    """End the connection whose other end has this address and port."""
+    for each in tuple(connections):
+        if isinstance(each, BoundedConnection) and each.client == client:
+            each.cut()

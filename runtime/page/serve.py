@@ -40,7 +40,7 @@ def serve_page(options: ServeOptions, stop: threading.Event, said: TextIO) -> di
     with needs("starlette", "infant page"), needs("uvicorn", "infant page"):
         import uvicorn
 
-        from runtime.page.connections import BoundedConnection
+        from runtime.page.connections import BoundedConnection, cut_client
         from runtime.page.hub import Hub
         from runtime.page.server import PageOptions, page_app
     if options.commands and not _is_loopback(options.host):
@@ -57,7 +57,15 @@ def serve_page(options: ServeOptions, stop: threading.Event, said: TextIO) -> di
     port = listening.getsockname()[1]
     hosts = frozenset({options.host, "127.0.0.1", "localhost", "[::1]", f"[{options.host}]", socket.gethostname()})
     hub = Hub(rover, options.config_file)
-    app = page_app(hub, PageOptions(hosts, options.runs, command if options.commands else None))
+    app = page_app(
+        hub,
+        PageOptions(
+            hosts,
+            options.runs,
+            command if options.commands else None,
+            end=lambda client: cut_client(server.server_state.connections, client),
+        ),
+    )
     server = uvicorn.Server(
         uvicorn.Config(
             app,

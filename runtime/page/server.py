@@ -2,19 +2,18 @@
 
 import json
 import time
-from collections import Counter, OrderedDict
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -22,10 +21,10 @@ from runtime.commands import LONGEST_BYTES, Command
 from runtime.errors import InfantError
 from runtime.page.hub import Hub
 from runtime.page.run_list import RunList
+from runtime.page.viewers import Client, Viewers
 from runtime.publish.commands import Answer
 from runtime.publish.pace import Allowance
 
-MOST_VIEWERS, MOST_OF_ONE_ADDRESS = 100, 50
 REQUESTS_HZ, COMMANDS_HZ = 30.0, 2.0  # of one address
 MOST_ADDRESSES = 1000
 HEADERS = {
@@ -48,16 +47,18 @@ Commander = Callable[[Command, str], Answer]
 
 @dataclass(frozen=True, slots=True)
 class PageOptions:
-    """What a page serves. hosts: names under which it may be asked; command: None where there are no buttons."""
+    """What a page serves. hosts: names under which it may be asked; command: None where there are no buttons;
+    end: closes the connection of a client."""
 
     hosts: frozenset[str]
     runs: Path
     command: Commander | None = None
+    end: Callable[[Client], None] = lambda _client: None
 
 
 def page_app(hub: Hub, options: PageOptions) -> Starlette:
     """The application; it holds no state of its viewers but how many there are."""
-    viewers = Viewers(hub)
+    viewers = Viewers(hub.messages, options.end)
     routes = [Route(path, partial(_asset, path), methods=["GET"]) for path in ASSETS]
     routes += [
         Route("/events", viewers.stream, methods=["GET"]),
@@ -102,28 +103,6 @@ class Guard:
         if len(self._allowances) > MOST_ADDRESSES:
             self._allowances.popitem(last=False)
         return allowance
-
-
-class Viewers:
-    """Counts those who watch: each costs a few kB five times a second."""
-
-    def __init__(self, hub: Hub) -> None:
-        self._hub, self._watching = hub, Counter[str]()
-
-    async def stream(self, request: Request) -> Response:
-        """Server-sent events until the viewer goes."""
-        address = request.client.host if request.client else ""
-        if self._watching.total() >= MOST_VIEWERS or self._watching[address] >= MOST_OF_ONE_ADDRESS:
-            return PlainTextResponse(f"{self._watching.total()} are watching already\n", 503)
-        return StreamingResponse(self._counted(address), media_type="text/event-stream")
-
-    async def _counted(self, address: str) -> Any:
-        self._watching[address] += 1
-        try:
-            async for message in self._hub.messages():
-                yield message
-        finally:
-            self._watching -= Counter((address,))
 
 
 async def _asset(path: str, _request: Request) -> Response:

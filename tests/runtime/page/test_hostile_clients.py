@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("uvicorn", reason="uvicorn is not installed; make test installs it")
 
-from runtime.page import connections, hub, server
+from runtime.page import connections, hub, server, viewers
 from runtime.page.serve import ServeOptions, serve_page
 from tests.support.zenoh.wire import free_port, opened, publishing, put_ticks, settings_on, until
 
@@ -147,13 +147,21 @@ def is_reset(client: socket.socket) -> bool:
     return state == 7
 
 
-def test_one_address_does_not_take_all_the_places_of_viewers(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "MOST_OF_ONE_ADDRESS", 3)
+@pytest.mark.parametrize("hears", [None, 2048])
+def test_however_many_of_one_address_watch_the_next_one_is_let_in(
+    port: int, monkeypatch: pytest.MonkeyPatch, hears: int | None
+) -> None:
+    """hears: the buffer of those who stop reading."""
+    monkeypatch.setattr(viewers, "MOST_OF_ONE_ADDRESS", 3)
+    monkeypatch.setattr(connections, "LONGEST_STALL_S", 1000.0)
     with ExitStack() as held:
-        for _ in range(3):
-            assert b"200 OK" in held.enter_context(closing(connected(port, WATCH))).recv(64)
-        assert not is_served(port, WATCH)
-    assert until(lambda: is_served(port, WATCH), 10.0), "a place is free when its viewer has gone"
+        watching = [held.enter_context(closing(connected(port, WATCH, hears))) for _ in range(3)]
+        assert all(each.recv(64).startswith(b"HTTP/1.1 200") for each in watching)
+        for _ in range(2):
+            assert is_served(port, WATCH)
+        newest = held.enter_context(closing(connected(port, WATCH)))
+        assert until(lambda: b"event: beat" in newest.recv(1 << 16), 30.0)
+        assert until(lambda: any(map(is_reset, watching)), 30.0), "one of them has gone for it"
 
 
 def test_a_client_that_resets_the_connection_in_the_middle_harms_nobody(port: int) -> None:
@@ -162,4 +170,4 @@ def test_a_client_that_resets_the_connection_in_the_middle_harms_nobody(port: in
             client = connected(port, said)
             client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             client.close()
-    assert is_served(port)
+    assert until(lambda: is_served(port), 10.0), "once those before it have been taken off the queue"
