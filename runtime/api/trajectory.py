@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
+from runtime.atomic_write import atomic_write
 from runtime.evaluate.rows import tum_text
 from slam.estimate import Estimate
 
@@ -44,4 +45,4 @@ class Trajectory:
     def write_tum(self, path: Path | str) -> None:
         """Write "time x y z qx qy qz qw" for each pose, time in seconds. Raises OSError."""
         rows = np.column_stack((self.stamps_ns * 1e-9, self.poses))
-        Path(path).write_text(tum_text(rows), encoding="utf-8")
+        atomic_write(Path(path), tum_text(rows))

@@ -47,6 +47,7 @@ def text_to_write_into(path: Path, config: Path | None = None) -> str | None:
     """
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK) or path.is_dir():
         raise StorageError(f"{path}: cannot be written; give a file in a folder that exists and is writable")
+    _refuse_link_of_another(path)
     base = path if path.exists() else config
     if base is None:
         return None
@@ -60,6 +61,13 @@ def text_to_write_into(path: Path, config: Path | None = None) -> str | None:
     for key in (*DIRECT.values(), *UNCERTAINTIES, *LATENCIES, UPSIDE_DOWN):
         tried = with_value(tried, key, value=False)
     return text
+
+
+def _refuse_link_of_another(path: Path) -> None:
+    """A link of ours is followed, as to the configuration in a checkout; one that somebody else has put here is not."""
+    if path.is_symlink() and (path.lstat().st_uid not in (0, os.geteuid()) or not path.exists()):
+        where = "to nothing" if not path.exists() else "of another user"
+        raise StorageError(f"{path}: is a link {where}, which is not followed; remove it, or give another name")
 
 
 def _refuse_what_cancels(configuration: Configuration, path: Path) -> None:

@@ -7,6 +7,7 @@ from typing import BinaryIO
 from mcap.writer import CompressionType, Writer
 
 from drivers.measurements import Scan
+from runtime.atomic_write import atomic_write
 from runtime.export.grid import GridOfRun
 from runtime.export.metadata import LATCHED, SENSOR_DATA, STANDARD, Topic, metadata_yaml
 from runtime.maps.grid_message import GRID, grid_bytes
@@ -108,7 +109,7 @@ class Rosbag2:
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.flush()
         text = metadata_yaml(self._name, TOPICS, self.messages, first_ns, last_ns)
-        (self._folder / "metadata.yaml").write_text(text, encoding="utf-8")
+        atomic_write(self._folder / "metadata.yaml", text)
 
     @property
     def has_part_of_map(self) -> bool:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.bounded_read import read_bounded
+from runtime.bounded_read import open_regular, read_bounded
 from runtime.errors import DataSetError
 from runtime.evaluate.truth import ENCRYPTED, PACKINGS, UNREADABLE
 from runtime.importers.parsing.checks import KNOWN, checked
@@ -129,7 +129,7 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
 
 def _check_directory(path: Path) -> None:
     """Raises BadZipFile for a list of contents so long that reading it would fill the memory."""
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         size = stream.seek(0, os.SEEK_END)
         stream.seek(max(0, size - LONGEST_END))
         end = stream.read()

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from runtime.bounded_read import open_regular
 from runtime.errors import DataSetError, UsageError
 from runtime.importers.archive import Archive, load_archive
 from runtime.importers.bags.open_bag import is_bag
@@ -85,5 +86,5 @@ def _is_candump(line: str) -> bool:
 
 
 def _head(source: Path) -> bytes:
-    with source.open("rb") as stream:
+    with open_regular(source) as stream:
         return stream.read(HEAD_BYTES)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drivers.measurements import FloatArray
-from runtime.atomic_write import atomic_write
+from runtime.atomic_write import atomic_write, refuse_link
 from runtime.errors import StorageError, UsageError
 from runtime.map_files.map_store import read_map
 from runtime.map_files.start import origin_of
@@ -153,6 +153,7 @@ def grid_facts(grid: GridMap) -> dict[str, Any]:
 def write_files(folder: Path, files: Mapping[str, str | bytes]) -> None:
     """Each file whole or not at all. Raises StorageError."""
     try:
+        refuse_link(folder)  # RUN/map may be one in the run of somebody else
         folder.mkdir(parents=True, exist_ok=True)
         for name, content in files.items():
             atomic_write(folder / name, content)

@@ -1,12 +1,13 @@
 """What a recorded run holds, whether it is what was written, and how what is left of it is saved."""
 
 import hashlib
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from runtime.bounded_read import read_bounded
+from runtime.bounded_read import open_regular, read_bounded
 from runtime.errors import NotARunError
 from runtime.messages.definitions import TYPES
 from runtime.messages.tick import Record
@@ -165,16 +166,17 @@ def _by_tick(records: Iterator[Record]) -> Iterator[list[Record]]:
 
 def _has_end(path: Path) -> bool:
     """Whether the file was finished."""
-    with path.open("rb") as stream:
-        stream.seek(-min(len(MAGIC), path.stat().st_size), 2)
+    with open_regular(path) as stream:
+        stream.seek(max(0, stream.seek(0, os.SEEK_END) - len(MAGIC)))
         return stream.read() == MAGIC
 
 
 def _sha256(path: Path) -> tuple[str, int]:
     digest, size = hashlib.sha256(), 0
     try:
-        with path.open("rb") as stream:
-            while block := stream.read(BLOCK_BYTES):
+        with open_regular(path) as stream:
+            most = os.stat(path).st_size + 1  # who writes as fast as we read would keep us for ever
+            while block := stream.read(min(BLOCK_BYTES, most - size)):
                 digest.update(block)
                 size += len(block)
     except OSError as error:

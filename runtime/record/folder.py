@@ -37,6 +37,7 @@ class RunFolder:
         """
         path = out if out is not None else root / new_name(datetime.now(UTC))
         try:
+            refuse_link(path)
             existing = next(each for each in (path, *path.absolute().parents) if each.is_dir())
             with acting_as_owner(existing):
                 path.mkdir(parents=True, exist_ok=True)

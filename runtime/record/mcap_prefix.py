@@ -17,6 +17,8 @@ from typing import BinaryIO, NamedTuple
 
 import zstandard
 
+from runtime.bounded_read import open_regular
+
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, ATTACHMENT, METADATA, DATA_END = 1, 3, 4, 5, 6, 7, 9, 12, 15
 OUTSIDE_CHUNKS = frozenset((HEADER, CHUNK, INDEX, ATTACHMENT, METADATA, DATA_END))
@@ -95,7 +97,7 @@ class McapPrefix:
         try:
             if self.size < len(MAGIC):  # of many thousands it takes a while to open each
                 raise DamageError(0, "not the start of an MCAP file")
-            with self.path.open("rb") as stream:
+            with open_regular(self.path) as stream:
                 yield from self._messages(stream, topics)
             self.damage = ""
         except OSError as error:

@@ -21,8 +21,8 @@ class SentBytes:
         """Raises RunExistsError where the folder is there, StorageError where it cannot be made."""
         try:
             folder.mkdir(parents=True)
-            self._laser = (folder / "laser.logr").open("wb")
-            self._wheels = (folder / "wheels.candump").open("w", encoding="ascii")
+            self._laser = (folder / "laser.logr").open("xb")
+            self._wheels = (folder / "wheels.candump").open("x", encoding="ascii")
         except FileExistsError as error:
             raise RunExistsError(f"{folder} exists; nothing is overwritten, give another name") from error
         except OSError as error:

@@ -3,7 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from runtime.bounded_read import read_bounded
+from runtime.bounded_read import open_regular, read_bounded
+
+KERNEL_LOG = Path("/proc/kmsg")
 
 
 def test_a_file_of_just_so_many_bytes_is_read(tmp_path: Path) -> None:
@@ -36,4 +38,21 @@ def test_what_is_refused_leaves_no_descriptor_open(tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "pipe", Path("/dev/zero")):
         with pytest.raises(OSError, match="not a regular file"):
             read_bounded(path, 5)
+        with pytest.raises(OSError, match="not a regular file"):
+            open_regular(path)
     assert len(os.listdir("/proc/self/fd")) == before
+
+
+def test_a_file_of_the_kernel_keeps_nobody_waiting() -> None:
+    for path in (Path("/proc/self/mountinfo"), Path("/proc/kmsg")):
+        if os.access(path, os.R_OK):
+            with open_regular(path) as stream:
+                assert stream.read() == b""
+
+
+def test_a_file_whose_next_byte_is_still_to_come_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with open(os.open(tmp_path / "pipe", os.O_RDWR | os.O_NONBLOCK), "rb"):
+        monkeypatch.setattr("stat.S_ISREG", lambda _mode: True)  # as /proc/kmsg says
+        with pytest.raises(OSError, match="not a regular file"):
+            read_bounded(tmp_path / "pipe", 100)

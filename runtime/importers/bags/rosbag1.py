@@ -10,6 +10,7 @@ from typing import BinaryIO
 
 from lz4.frame import LZ4FrameDecompressor
 
+from runtime.bounded_read import open_regular
 from runtime.importers.bags.message import BROKEN, LARGEST_CHUNK, LARGEST_RECORD, BagMessage, note_topic
 from runtime.importers.parsing.inflation import Inflation
 
@@ -35,7 +36,7 @@ class Bag1:
         self.damage = ""
         inflation = Inflation(self._source.stat().st_size)
         try:
-            with self._source.open("rb") as stream:
+            with open_regular(self._source) as stream:
                 if not stream.readline(2 * len(ROSBAG1)).startswith(ROSBAG1):
                     raise ValueError("it does not begin like a bag of ROS 1")
                 for fields, data in self._records(stream):

@@ -9,6 +9,7 @@ from typing import IO, Any
 
 import zstandard
 
+from runtime.bounded_read import open_regular
 from runtime.importers.bags.mcap_records import CHANNEL, MESSAGE, SCHEMA, mcap_records, message_of, texts_of
 from runtime.importers.bags.message import BROKEN, LARGEST_RECORD, LONGEST_NAME, MOST_TOPICS, BagMessage, note_topic
 from runtime.importers.parsing.inflation import Inflation
@@ -96,7 +97,7 @@ def _log_of(database: Path) -> Path:
 @contextmanager
 def _opened(path: Path, inflation: Inflation) -> Iterator[IO[bytes]]:
     """A file with its name; of one that is compressed, a copy that is not."""
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         is_packed = stream.read(len(ZSTD)) == ZSTD
         stream.seek(0)
         if not is_packed:

@@ -19,6 +19,7 @@ from drivers.scip.framing import MessageStream, RawMessage
 from drivers.scip.model import Parameters, parse_parameters
 from drivers.scip.scan import STATUS_LINES
 from drivers.settings.laser import LaserSettings
+from runtime.bounded_read import open_regular
 
 RECORD = struct.Struct(">III")
 LARGEST_RECORD = 1 << 16
@@ -74,7 +75,7 @@ def is_scip(head: bytes) -> bool:
 
 def chunks(source: Path) -> Iterator[tuple[int | None, bytes]]:
     """(arrival ns, bytes); None where the capture is nothing but the bytes. Raises OSError."""
-    with source.open("rb") as stream:
+    with open_regular(source) as stream:
         head = stream.read(RECORD.size + 1)
         if not _begins_a_record(head, 0):
             stream.seek(0)

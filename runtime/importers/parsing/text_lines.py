@@ -4,6 +4,7 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from runtime.bounded_read import open_regular
 from runtime.importers.parsing.inflation import Inflation
 
 GZIP = b"\x1f\x8b"
@@ -48,7 +49,7 @@ class TextLines:
             yield number + 1, pending.decode("latin-1"), False
 
     def _blocks(self) -> Iterator[bytes]:
-        with self.source.open("rb") as stream:
+        with open_regular(self.source) as stream:
             head = stream.read(len(GZIP))
             stream.seek(0)
             blocks = iter(lambda: stream.read(BLOCK_BYTES), b"")

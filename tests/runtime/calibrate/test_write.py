@@ -1,4 +1,5 @@
 import math
+import os
 import shutil
 import tomllib
 from dataclasses import replace
@@ -188,6 +189,22 @@ def test_a_laser_that_turned_out_to_hang_upside_down_is_written() -> None:
     hanging = BASE + "[slam.mount]\nupside_down = true\n"
     assert configuration_changes(replace(FOUND, orientation=UPSIDE_DOWN), hanging)["slam.mount.upside_down"] is False
     assert "slam.mount.upside_down" not in configuration_changes(FOUND, hanging)
+
+
+def test_a_link_of_ours_is_followed_and_one_of_another_or_to_nothing_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, target = tmp_path / "rover.toml", tmp_path / "real.toml"
+    path.symlink_to(target)
+    with pytest.raises(StorageError, match=r"rover\.toml: is a link to nothing, which is not followed"):
+        text_to_write_into(path, Path("mock"))
+    target.write_text(BASE)
+    assert text_to_write_into(path) == BASE
+    us = os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: us + 1)
+    if us:  # a link of root is trusted
+        with pytest.raises(StorageError, match=r"rover\.toml: is a link of another user"):
+            text_to_write_into(path)
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:

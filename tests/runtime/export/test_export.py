@@ -147,6 +147,15 @@ def test_what_cannot_be_exported_is_told_in_one_sentence(run: Path, tmp_path: Pa
     assert not (tmp_path / "none.tum").exists()
 
 
+def test_nothing_goes_where_a_link_points_nor_is_an_empty_folder_taken_for_a_file(run: Path, tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "folder")
+    for outputs in (Outputs(ros2=tmp_path / "link"), Outputs(csv=tmp_path / "link"), Outputs(csv=tmp_path / "folder")):
+        with pytest.raises(RunExistsError, match="nothing is overwritten"):
+            export_run(run, outputs, no_progress)
+    assert not any((tmp_path / "folder").iterdir())
+
+
 def test_a_run_that_is_being_recorded_is_left_alone(run: Path, tmp_path: Path) -> None:
     shutil.copy(run / "run-0001.mcap", tmp_path)
     recording = RecordFile(tmp_path / "run.mcap", RunHeader(CONFIGURATION, "live").metadata)

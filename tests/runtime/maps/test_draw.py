@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from runtime.errors import StorageError, UsageError
-from runtime.maps.draw import draw_run
+from runtime.maps.draw import draw_run, write_files
 from runtime.maps.grid_files import map_server_yaml, pgm
 from runtime.maps.picture import map_png
 from runtime.maps.placed_scans import at_scan
@@ -111,6 +111,14 @@ def test_too_fine_a_grid_and_a_folder_that_is_none_are_refused_in_a_sentence(run
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match="give another folder with --out"):
         draw_run(run, tmp_path / "file", None, no_progress)
+
+
+def test_nothing_is_drawn_where_a_link_in_a_run_of_others_points(tmp_path: Path) -> None:
+    (tmp_path / "home").mkdir()
+    (tmp_path / "map").symlink_to(tmp_path / "home")
+    with pytest.raises(StorageError, match=r"map cannot be written .it is a link"):
+        write_files(tmp_path / "map", {"landmarks.csv": "x"})
+    assert not any((tmp_path / "home").iterdir())
 
 
 def test_nothing_of_a_picture_stays_in_memory() -> None:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from runtime.errors import StorageError
 from runtime.record.folder import RunFolder
 
 
@@ -14,3 +15,15 @@ def test_a_folder_that_was_interrupted_is_taken_away_and_one_that_failed_is_kept
         with pytest.raises(error), folder.gone_if_interrupted():
             raise error
         assert folder.path.exists() == kept
+
+
+@pytest.mark.parametrize("target", ["empty", "file", "nothing"])
+def test_no_run_goes_where_a_link_points(tmp_path: Path, target: str) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").write_text("")
+    (tmp_path / "run").symlink_to(tmp_path / target)
+    with pytest.raises(
+        StorageError, match=r"run cannot be created \(it is a link, and nothing is written through links"
+    ):
+        RunFolder.create(tmp_path / "run", tmp_path)
+    assert {path.name for path in tmp_path.rglob("*")} == {"empty", "file", "run"}
