@@ -30,6 +30,9 @@ LONG_NAME = re.compile(
 STANDARD_ID, EXTENDED_BIT = 0x7FF, 1 << 31
 LONGEST_MESSAGE = 64  # bytes of a CAN FD frame; cantools makes a number of as many bits as a message says it has
 LONGEST_NUMBER = 10  # digits of an id
+MOST_LINES = 1000  # of one message, its multiplexed signals included; cantools compares each with each
+MOST_VALUES = 1 << 16  # of multiplexers, for all signals of a message; cantools lists each of them
+VALUES = re.compile(r"(\d+)\s*-\s*(\d+)")
 KEPT = ("SIG_VALTYPE_", "SG_MUL_VAL_")
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d{1,3})?")
 
@@ -52,6 +55,7 @@ def dbc_messages(path: Path, names: Iterable[str], signals: Collection[str] = ()
                 f"{path}: message {block.name} has {block.length} bytes, a frame has at most {LONGEST_MESSAGE}; "
                 "correct its length"
             )
+        block.refuse_endless(path)
         if by_id[block.number] > 1:
             others = " and ".join(other.name for other in blocks if other.number == block.number)
             raise DriverError(
@@ -73,6 +77,11 @@ def dbc_messages(path: Path, names: Iterable[str], signals: Collection[str] = ()
     raise DriverError(f"{path}: not a usable DBC ({reason}); correct the file or name another") from failure
 
 
+def _count(low: str, high: str) -> int:
+    """Values from one to the other; one too many where they have more digits than any multiplexer."""
+    return MOST_VALUES + 1 if len(low + high) > 2 * LONGEST_NUMBER else max(0, int(high) - int(low) + 1)
+
+
 def _read(blocks: "list[_Block]") -> dict[str, Message]:
     """Messages as cantools makes them. Raises whatever it and its parser raise."""
     database = Database(strict=True)
@@ -89,6 +98,18 @@ class _Block:
         self.number, self.name, self.length = number | EXTENDED_BIT * is_extended, name, length
         self.signals: dict[str, str] = {}
         self.further: list[str] = []
+
+    def refuse_endless(self, path: Path) -> None:
+        """Raises DriverError where cantools would read for minutes, or fill the memory."""
+        ranges = [found for line in self.further if line.startswith(KEPT[1]) for found in VALUES.findall(line)]
+        values = sum(_count(low, high) for low, high in ranges)
+        lines = len(self.signals) + len(self.further)
+        for count, most, what in ((lines, MOST_LINES, "lines"), (values, MOST_VALUES, "values of multiplexers")):
+            if count > most:
+                raise DriverError(
+                    f"{path}: message {self.name} has {count} {what}, of which {most} are allowed; correct it or leave "
+                    "out what no wheel sends"
+                )
 
     def keep(self, signals: Collection[str]) -> None:
         """Leave out what nobody reads: all but these and the multiplexers, where these are given and there."""

@@ -124,3 +124,25 @@ def test_an_eds_that_counts_to_billions_is_refused(tmp_path: Path, counted: str)
     (tmp_path / "odd.eds").write_text(f"{ENCODER_EDS.read_text()}\n{counted}\n")
     with pytest.raises(DriverError, match="counts millions of entries"):
         read_eds(tmp_path / "odd.eds", 1)
+
+
+@pytest.mark.parametrize(
+    ("more", "signals", "sentence"),
+    [
+        ("SG_MUL_VAL_ 512 Cnt M 0-99999999;\n", "", "message LW has 100000000 values of multiplexers, of which 65536"),
+        ("SG_MUL_VAL_ 512 Cnt M " + ", ".join(["0-65535"] * 500) + ";\n", "", "has 32768000 values of multiplexers"),
+        (f"SG_MUL_VAL_ 512 Cnt M {'9' * 5000}-{'9' * 5000};\n", "", "values of multiplexers, of which 65536"),
+        ("SG_MUL_VAL_ 512 Cnt M 1-1;\n" * 50_000, "", "message LW has 50002 lines, of which 1000"),
+        ("", "".join(f' SG_ s{at} m{at} : 0|8@1+ (1,0) [0|0] "" B\n' for at in range(50_000)), "has 50002 lines"),
+    ],
+)
+def test_a_message_that_would_fill_the_memory_is_refused_at_once(
+    tmp_path: Path, more: str, signals: str, sentence: str
+) -> None:
+    path = tmp_path / "a.dbc"
+    multiplexed = ' SG_ M M : 8|8@1+ (1,0) [0|0] "" B\n SG_ Cnt m1 : 32|32@1- (1,0) [0|0] "" B\n'
+    path.write_text(HEAD + "BO_ 512 LW: 8 A\n" + signals + multiplexed + "\n" + more)
+    began_s = time.process_time()
+    with pytest.raises(DriverError, match=sentence):
+        dbc_messages(path, ["LW"])
+    assert time.process_time() - began_s < 5.0
