@@ -14,11 +14,13 @@ from cantools.database.can import Database, Message
 
 from drivers.measurements import DriverError
 
-LARGEST_BYTES = 1 << 25  # 32 MB; the DBC of a whole lorry has 5
+LARGEST_BYTES = 1 << 23  # 8 MB; the DBC of a whole lorry has 5
+MOST_MESSAGES = 20_000  # a whole lorry has some thousand
 MOST_NAMED = 12
 ENCODINGS = ("utf-8-sig", "cp932", "cp1252", "latin-1")  # names are ASCII; whichever fits shows a unit as it was meant
 UTF16 = (b"\xff\xfe", b"\xfe\xff")
-COMMENT = re.compile(r'^[ \t]*CM_\s[^"\n]*"(?:[^"\\]|\\.)*"\s*;', re.MULTILINE)
+# without backtracking, which takes 80 bytes for each of a comment that does not end
+COMMENT = re.compile(r'^[ \t]*CM_\s[^"\n]*"(?:[^"\\]|\\.)*+"\s*;', re.MULTILINE)
 BO_LINE = re.compile(r"^\s*BO_\s+(\d{1,10})\s+(\w+)\s*:\s*(\d{1,9})\b")
 SG_LINE = re.compile(
     r"^\s*SG_\s+([A-Za-z_]\w*)\s*(M|m\d+M?)?\s*:\s*(\d{1,4})\s*\|\s*(\d{1,4})\s*@\s*([01])\s*([+-])"
@@ -43,7 +45,7 @@ def dbc_messages(path: Path, names: Iterable[str], signals: Collection[str] = ()
     signals: those that the wheels read; where a message is sound in these, it may have others that overlap.
     """
     wanted = dict.fromkeys(names)
-    blocks = _blocks(dbc_text(path))
+    blocks = _blocks(path, dbc_text(path))
     by_name = Counter(block.name for block in blocks)
     by_id = Counter(block.number for block in blocks)
     chosen = [block for block in blocks if block.name in wanted]
@@ -145,7 +147,7 @@ def dbc_text(path: Path) -> str:
     return COMMENT.sub("", text)
 
 
-def _blocks(text: str) -> list[_Block]:
+def _blocks(path: Path, text: str) -> list[_Block]:
     """All messages; signals whose line cannot be read are left out, and missed where the layout names them."""
     blocks: list[_Block] = []
     by_number: dict[int, _Block] = {}
@@ -155,6 +157,10 @@ def _blocks(text: str) -> list[_Block]:
         if found := BO_LINE.match(line):
             current = _Block(int(found[1]), found[2], int(found[3]))
             blocks.append(current)
+            if len(blocks) > MOST_MESSAGES:
+                raise DriverError(
+                    f"{path}: has more than {MOST_MESSAGES} messages; leave out those that no wheel sends"
+                )
             by_number.setdefault(int(found[1]), current)
         elif line.lstrip().startswith("SG_ "):
             if current is not None and (signal := _signal(line)) is not None:

@@ -8,6 +8,7 @@ from cantools.database.can import Message
 from drivers.measurements import DriverError
 
 SENTINEL_BITS = 8  # in fewer bits all ones are a value like any other
+MOST_NAMED = 12
 LEAST_FACTOR = 1e-15  # of counts in one bit, and one over the most
 HALF_STEP = 0.5  # of the raw value: a range is written down with rounded ends
 
@@ -47,7 +48,9 @@ def signal_of(message: Message, name: str):  # type: ignore[no-untyped-def]  # c
     for signal in message.signals:
         if signal.name == name:
             return signal
-    known = ", ".join(signal.name for signal in message.signals)
+    names = [signal.name for signal in message.signals]
+    known = ", ".join(names[:MOST_NAMED]) or "no signal that can be read"
+    known += f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     raise DriverError(f"signal {name}: message {message.name} has only {known}; correct the name in the layout")
 
 

@@ -1,6 +1,7 @@
 """Real DBC files, with whatever stands in them beside the wheels."""
 
 import os
+import resource
 import time
 from pathlib import Path
 
@@ -85,7 +86,7 @@ def test_of_hundreds_of_messages_only_some_are_listed(tmp_path: Path) -> None:
     path = tmp_path / "many.dbc"
     path.write_text(HEAD + "".join(message(k + 1, f"M{k}", "a : 0|8@1+ (1,0) [0|0]") for k in range(500)))
     with pytest.raises(DriverError, match=r"there is only M0, M1, .* and 488 more"):
-        dbc_messages(path, ["LW"])
+        dbc_messages(path, ["WHEEL_L_FB"])
 
 
 @pytest.mark.parametrize("name", ["folder", "nul\0byte", "absent.dbc"])
@@ -146,3 +147,18 @@ def test_a_message_that_would_fill_the_memory_is_refused_at_once(
     with pytest.raises(DriverError, match=sentence):
         dbc_messages(path, ["LW"])
     assert time.process_time() - began_s < 5.0
+
+
+def test_a_comment_that_does_not_end_takes_no_memory(tmp_path: Path) -> None:
+    path = tmp_path / "a.dbc"
+    path.write_text(COUNTS + 'CM_ "' + 'x\\"' * 500_000)
+    before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    dbc_messages(path, ["LW"])
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 60_000
+
+
+def test_a_file_of_more_messages_than_any_has_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.dbc"
+    path.write_text(COUNTS + "".join(f"BO_ {at} M{at}: 8 A\n" for at in range(21_000)))
+    with pytest.raises(DriverError, match="has more than 20000 messages"):
+        dbc_messages(path, ["LW"])
