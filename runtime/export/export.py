@@ -60,8 +60,8 @@ def export_run(
     """
     if not outputs.paths:
         raise UsageError("nothing to write: give --ros2 DIR, --csv FILE, --tum FILE or --geojson FILE")
-    for form, path in outputs.paths.items():
-        _refuse_existing(form, path)
+    for kind, path in outputs.paths.items():
+        _refuse_existing(kind, path)
     began_s = time.monotonic()
     reader = with_estimates(RunReader(run))
     if is_being_written(reader.folder.mcap_path):
@@ -124,9 +124,9 @@ def _forms(
     return forms
 
 
-def _refuse_existing(form: str, path: Path) -> None:
+def _refuse_existing(kind: str, path: Path) -> None:
     """A bag may go into an empty folder. Whatever is there else stays, and a link is not followed."""
-    if form == "ros2" and path.is_dir() and not path.is_symlink() and not any(path.iterdir()):
+    if kind == "ros2" and path.is_dir() and not path.is_symlink() and not any(path.iterdir()):
         return
     if path.exists() or path.is_symlink():
         raise RunExistsError(f"{path} exists; nothing is overwritten, give another name")
