@@ -3,9 +3,8 @@
 The library's reader is not used because it accepts a chunk whose checksum field was zeroed, and because this reads
 a message in a tenth of its time. Format: https://mcap.dev/spec
 
-MCAP leaves metadata, message indexes and the heads of chunks without a checksum until the file is finished. So that
-every byte of a file that was cut off counts too, the recorder writes a metadata record "checkpoint" after the head and
-after each chunk: the CRC-32 of all bytes before it.
+MCAP leaves metadata, message indexes and the heads of chunks without a checksum until the file is finished. So the
+recorder writes a metadata record "checkpoint" after the head and after each chunk: the CRC-32 of all bytes before it.
 """
 
 import re
