@@ -153,13 +153,18 @@ def load_configuration_text(
         raise _refused(source, problems)
     try:
         # JSON mode: strict about types, yet lists fill tuples and words fill enumerations
-        configuration = Configuration.model_validate_json(json.dumps(tree, default=str), strict=True)
+        configuration = Configuration.model_validate_json(json.dumps(tree, default=_as_date), strict=True)
     except ValidationError as error:
         problems = [_sentence(problem) for problem in error.errors()]
         raise _refused(source, problems) from error
     if (not recorded or overrides) and (problems := _of_another_sensor(configuration)):
         raise _refused(source, problems)
     return configuration
+
+
+def _as_date(value: object) -> dict[str, str]:
+    """A date or a time of TOML as what no key takes: written without quotes, it would else pass for text."""
+    return {"date": str(value)}
 
 
 def _of_another_sensor(configuration: Configuration) -> list[str]:

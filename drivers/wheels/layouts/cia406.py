@@ -4,7 +4,9 @@ The decoder reads frames like any other layout, so that one reader thread superv
 canopen is used for the object dictionary only.
 """
 
+import os
 import re
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from drivers.measurements import DriverError
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.layouts import Cia406Layout
 from drivers.settings.wheel_signals import MessageSettings, SignalSettings, WheelSignals
+from drivers.wheels.layouts.dbc_file import decoded
 from drivers.wheels.layouts.routes import built_message, decoder_of
 from drivers.wheels.readings import Decoded, Decoder, NodeAlarm, NodeState, Route, Wheel, WheelDecoder
 
@@ -23,6 +26,7 @@ HEARTBEAT, EMERGENCY = 0x700, 0x080
 ENCODER_EDS = Path(__file__).with_name("encoder406.eds")
 MOST_BITS = 64  # a frame
 LARGEST_BYTES = 1 << 22  # 4 MB; an EDS has some 100 kB
+MOST_LINES = 100_000
 ENDLESS = re.compile(rb"(?:NrOfEntries|Lines)\s*[=:]\s*\+?[\d_]{7}", re.IGNORECASE)  # canopen would count so far
 START_NODES = True  # NMT start when the bus opens and after a boot-up message; harmless beside another master
 NMT_START = 0x01
@@ -72,13 +76,25 @@ def read_eds(path: Path, node: int) -> Any:
         raise DriverError(f"{path}: no such file; give the path of the encoder's EDS in layout.file")
     if path.stat().st_size > LARGEST_BYTES:
         raise DriverError(f"{path}: has more than {LARGEST_BYTES >> 20} MB; give the path of an EDS in layout.file")
-    if ENDLESS.search(path.read_bytes()):
+    with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as stream:  # a pipe would not end
+        content = stream.read(LARGEST_BYTES) or b""
+    if len(content.splitlines()) > MOST_LINES:
+        raise DriverError(f"{path}: has more than {MOST_LINES} lines; give the path of an EDS in layout.file")
+    if ENDLESS.search(content):
         raise DriverError(f"{path}: counts millions of entries, which no device has; correct the file or name another")
     try:
-        return canopen.import_od(str(path), node)
+        return canopen.import_od(_NamedText(content, path), node)
     except Exception as error:
         reason = " ".join(str(error).split())[:200]
         raise DriverError(f"{path}: not a usable EDS ({reason}); correct the file or name another") from error
+
+
+class _NamedText(StringIO):
+    """The text of a file as canopen takes it, in whatever encoding it was saved: what counts in it is ASCII."""
+
+    def __init__(self, content: bytes, path: Path) -> None:
+        super().__init__(decoded(content))
+        self.name = str(path)
 
 
 def mapped_message(dictionary: Any, tpdo: int, wheel: Wheel, path: Path) -> MessageSettings:

@@ -136,15 +136,20 @@ def dbc_text(path: Path) -> str:
         raise DriverError(f"{path}: cannot be read ({reason}); give the path of a DBC in layout.file") from error
     if len(raw) > LARGEST_BYTES:
         raise DriverError(f"{path}: has more than {LARGEST_BYTES >> 20} MB; give the path of a DBC in layout.file")
-    for encoding in ("utf-16", *ENCODINGS) if raw.startswith(UTF16) else ENCODINGS:
-        try:
-            text = raw.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        break
+    text = decoded(raw)
     if "BO_" not in text:
         raise DriverError(f"{path}: holds no message (BO_), so it is not a DBC; give the path of one in layout.file")
     return COMMENT.sub("", text)
+
+
+def decoded(raw: bytes) -> str:
+    """The text of a file of others, in the first encoding that fits."""
+    for encoding in ("utf-16", *ENCODINGS) if raw.startswith(UTF16) else ENCODINGS:
+        try:
+            return raw.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    return raw.decode("latin-1")  # fits always
 
 
 def _blocks(path: Path, text: str) -> list[_Block]:

@@ -52,6 +52,13 @@ def test_a_wrong_key_type_or_value_is_one_sentence_with_key_value_and_expectatio
     assert caught.value.exit_code == 3
 
 
+@pytest.mark.parametrize("value", ["2020-01-01", "12:30:00", "2020-01-01T12:30:00Z", "[2020-01-01]"])
+@pytest.mark.parametrize("key", ["rover", "publish.listen", "seed"])
+def test_a_date_of_toml_is_no_text(key: str, value: str) -> None:
+    with pytest.raises(ConfigurationError, match=key):
+        load_configuration_text(f"{key} = {value}\n")
+
+
 def test_a_file_of_an_editor_that_marks_utf_8_is_read(tmp_path: Path) -> None:
     (tmp_path / "rover.toml").write_text("seed = 7\n", encoding="utf-8-sig")
     assert load_configuration(tmp_path / "rover.toml").seed == 7

@@ -127,6 +127,19 @@ def test_an_eds_that_counts_to_billions_is_refused(tmp_path: Path, counted: str)
         read_eds(tmp_path / "odd.eds", 1)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
+def test_an_eds_is_read_in_whatever_encoding_it_was_saved(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "a.eds"
+    path.write_bytes((ENCODER_EDS.read_text() + "\n; für Öl\n[Vendor]\nName=Müller\n").encode(encoding))
+    assert 0x6004 in read_eds(path, 1)
+
+
+def test_an_eds_of_more_lines_than_any_has_is_refused_at_once(tmp_path: Path) -> None:
+    (tmp_path / "a.eds").write_text(ENCODER_EDS.read_text() + "[x]\n" + "".join(f"a{at}=\n" for at in range(200_000)))
+    with pytest.raises(DriverError, match="has more than 100000 lines"):
+        read_eds(tmp_path / "a.eds", 1)
+
+
 @pytest.mark.parametrize(
     ("more", "signals", "sentence"),
     [
