@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
@@ -97,6 +97,11 @@ def draw_end(columns: ReviewColumns, name: str, pose: Pose2) -> None:
     """A large point with its name, "start" or "end"."""
     color = np.array((ENDS[name],), np.uint8)
     columns.named_points(f"map/{name}", np.array(((pose.x_m, pose.y_m),)), color, [name])
+
+
+def first_place(path_m: Sequence[tuple[float, float]], pose: Pose2) -> Pose2:
+    """Where the path begins, which who looks on from late is told of, or else the first pose that is drawn."""
+    return Pose2(*path_m[0]) if path_m else pose
 
 
 def draw_end_styles(recording: rr.RecordingStream) -> None:

@@ -15,7 +15,7 @@ from runtime.printable import printable
 from runtime.record.folder import RunFolder
 from runtime.review.columns import SIGMAS, ReviewColumns, mixed
 from runtime.review.curves import draw_curves, draw_speed
-from runtime.review.drawing_state import DrawingState, caption, draw_end, draw_end_styles
+from runtime.review.drawing_state import DrawingState, caption, draw_end, draw_end_styles, first_place
 from runtime.review.innovation import draw_association, draw_innovation, innovations, predicted_motion
 from runtime.review.layout import (
     DOUBTED,
@@ -112,6 +112,7 @@ class ReviewWriter:
     def draw_before(self, path_m: FloatArray) -> None:
         """The way (n, 2) that a rover had driven when somebody began to look."""
         self._paths["SLAM"] += [(x_m, y_m) for x_m, y_m in path_m.tolist()]
+        self._state.driven_m += float(np.hypot(*np.diff(path_m, axis=0).T).sum())
 
     def carried(self) -> bytes:
         """What another writer has to know to go on after a segment as this one would; it is fed as CARRIED."""
@@ -173,7 +174,7 @@ class ReviewWriter:
         if estimate is not None:
             motion = Motion.between(self._state.before, estimate)
             if self._state.before is None:
-                draw_end(self._columns, "start", estimate.map_from_body)
+                draw_end(self._columns, "start", first_place(self._paths["SLAM"], estimate.map_from_body))
             else:
                 draw_speed(self._columns, self._state.before, estimate)
             self._state.measure(estimate, assembled.truth)

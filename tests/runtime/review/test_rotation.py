@@ -105,6 +105,17 @@ def test_the_picture_says_where_the_run_began_and_ended_and_how_it_went(tmp_path
     assert "error" not in caption(DrawingState(), {})
 
 
+def test_who_looks_on_from_late_sees_where_the_rover_began_and_how_far_it_drove(tmp_path: Path) -> None:
+    writer = ReviewWriter(tmp_path / "review.rrd", ReviewSettings(), MOUNT, {"run": "live"})
+    writer.draw_before(np.array(((-30.0, 4.0), (-30.0, 0.0), (0.0, 0.0))))
+    for record in itertools.chain(*drive(5)):
+        writer.feed(record)
+    writer.close()
+    begun_m = np.array(Drawn(tmp_path / "review.rrd").values[("/map/start", "positions")])
+    assert begun_m.ravel()[:2] == pytest.approx((-30.0, 4.0))
+    assert b"34 m driven" in (tmp_path / "review.rrd").read_bytes()
+
+
 def test_the_recorder_says_when_a_segment_is_closed_and_the_review_follows(tmp_path: Path) -> None:
     folder = RunFolder.create(tmp_path / "run", tmp_path)
     review = ReviewProcess(folder.review_path, ReviewSettings(), MOUNT)
