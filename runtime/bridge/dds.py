@@ -1,5 +1,6 @@
 """A DDS participant that ROS 2 nodes take for one of theirs: CDR goes through it untouched, without any ROS."""
 
+import socket
 from collections.abc import Sequence
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -33,6 +34,8 @@ class DdsParticipant:
 
     def __init__(self, domain: int, interface: str) -> None:
         """Raises UsageError where cyclonedds is not installed, SensorError where the interface cannot be used."""
+        if interface not in (known := [name for _, name in socket.if_nameindex()]):
+            raise SensorError(f"no network interface {interface!r} here; --interface takes one of {', '.join(known)}")
         with needs("cyclonedds", "infant bridge ros2"):
             from cyclonedds.core import DDSException
             from cyclonedds.domain import Domain, DomainParticipant

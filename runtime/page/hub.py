@@ -11,10 +11,11 @@ from runtime.errors import ConfigurationError
 from runtime.page.rover_state import HEARD, RoverState
 from runtime.publish.find_rover import FoundRover
 from runtime.publish.follow import Follower, Message, following
+from runtime.publish.pace import Pace
 from runtime.settings.configuration import load_configuration_text
 
-BEAT_S = 0.2
-LOOK_S = 0.05  # of a viewer for the next beat, so that it gets all five a second
+BEATS_HZ = 5.0
+LOOK_S = 0.05  # of a viewer for the next beat, so that it gets all of them
 WAKE_S = 0.05
 MOST_POINTS = 5000  # of cells and path in one message to one viewer
 KEEP_ALIVE_S = 5.0
@@ -45,7 +46,7 @@ class Hub:
             self._follow(follower)
 
     def _follow(self, follower: Follower) -> None:
-        next_s = 0.0
+        pace = Pace(BEATS_HZ)
         while not self._thread.is_stopping():
             if follower.has_come():
                 self._begin(follower)
@@ -53,8 +54,7 @@ class Hub:
             with self._lock:
                 if message is not None:
                     self._state.take(message)
-                if time.monotonic() >= next_s:
-                    next_s = time.monotonic() + BEAT_S
+                if pace.due(time.monotonic_ns()):
                     beat = self._state.beat(follower.is_there)
                     self._beat, self._number = json.dumps(beat, allow_nan=False).encode(), self._number + 1
 

@@ -34,7 +34,7 @@ def port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     hurry = {"MOST_CONNECTIONS": MOST, "LONGEST_SILENCE_S": SILENCE_S, "LONGEST_STALL_S": STALL_S}
     for name, value in {**hurry, "SEND_BUFFER_BYTES": 4096}.items():
         monkeypatch.setattr(connections, name, value)
-    monkeypatch.setattr(hub, "BEAT_S", 0.02)
+    monkeypatch.setattr(hub, "BEATS_HZ", 50.0)
     monkeypatch.setattr(hub, "LOOK_S", 0.002)
     monkeypatch.setattr(hub, "WAKE_S", 0.002)
     monkeypatch.setattr(server, "REQUESTS_HZ", 1e4)
