@@ -67,7 +67,7 @@ class Plots:
             x, y = thinned(*broken(line.x, line.y))
             curve = plot.line(x, y, name=line.name, color=COLOURS[line.style], line_dash=DASHES[line.style])
             curve.glyph.line_width = 1.6
-        plot.add_tools(HoverTool(mode="vline", tooltips=[("$name", "@y{0.[000]} at @x{0.0} s")]))
+        plot.add_tools(HoverTool(mode="vline", tooltips=[("", "$name: @y{0.[000]} at @x{0.0} s")]))
         return plot
 
     def stacked(self, lines: Sequence[Line], y_label: str) -> Any:
@@ -112,7 +112,7 @@ class Plots:
             plot.add_layout(
                 Label(x=4, x_units="screen", y=row + 0.5, text=name, text_font_size="12px", text_color=QUIET)
             )
-        plot.add_tools(HoverTool(renderers=[bars], tooltips=[("@name", "@start{0.0} to @end{0.0} s")]))
+        plot.add_tools(HoverTool(renderers=[bars], tooltips=[("", "@name: @start{0.0} to @end{0.0} s")]))
         return plot
 
     def over_ground(self, lines: Sequence[Line], times_s: FloatArray | None, scans: ScanPicture | None = None) -> Any:
@@ -146,7 +146,7 @@ class Plots:
                 dots = plot.scatter(
                     line.x, line.y, name=line.name, size=size, color=COLOURS[line.style], line_color=edge
                 )
-                plot.add_tools(HoverTool(renderers=[dots], tooltips=[("$name", "(@x{0.00}, @y{0.00}) m")]))
+                plot.add_tools(HoverTool(renderers=[dots], tooltips=[("", "$name: (@x{0.00}, @y{0.00}) m")]))
                 continue
             step = max(1, line.x.size // MOST_PLACES)
             columns = {"x": line.x[::step], "y": line.y[::step]}
@@ -159,7 +159,7 @@ class Plots:
             curve.glyph.line_dash = DASHES[line.style]
             if with_times:
                 path, source.name = curve, "path"
-                said = [("$name", "(@x{0.00}, @y{0.00}) m at @t{0.0} s")]
+                said = [("", "$name: (@x{0.00}, @y{0.00}) m at @t{0.0} s")]
                 plot.add_tools(HoverTool(renderers=[curve], tooltips=said, line_policy="nearest"))
         curves = [
             glyph for glyph in plot.renderers if getattr(glyph, "name", None) in {x.name for x in drawn if not x.dots}

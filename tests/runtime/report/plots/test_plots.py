@@ -2,6 +2,7 @@ import re
 from typing import Any
 
 import numpy as np
+from bokeh.models import HoverTool
 from bokeh.models.annotations import BoxAnnotation
 from bokeh.models.renderers import GlyphRenderer
 from hypothesis import given
@@ -50,6 +51,21 @@ def test_a_map_has_one_scale_and_begins_where_the_curves_are() -> None:
     sources: list[Any] = [(r.name, r.data_source) for r in drawn.renderers if isinstance(r, GlyphRenderer) and r.name]
     sizes = {name: len(source.data["x"]) for name, source in sources}
     assert sizes == {"way": 2, "landmarks": 3}  # and is there all the same
+
+
+def test_what_the_pointer_shows_has_its_name_and_no_word_of_the_library() -> None:
+    plots = Plots(10.0)
+    way = Line("way", np.array((0.0, 10.0)), np.array((0.0, 2.0)), "a")
+    posts = Line("landmarks", way.x, way.y, "q", dots=True)
+    drawn = (
+        plots.over_time([way], "m"),
+        plots.over_ground([way, posts], way.x),
+        plots.timeline([("laser silent", "warn", [(1.0, 2.0)])]),
+    )
+    shown = [row for plot in drawn for tool in plot.select(HoverTool) for row in tool.tooltips]
+    assert len(shown) == 4
+    assert not any("$" in label or "@" in label for label, _ in shown)  # of a label nothing is filled in
+    assert all("$name" in value or "@name" in value for _, value in shown)
 
 
 def test_nothing_recorded_is_said() -> None:
