@@ -82,6 +82,34 @@ QUESTIONS = (
     ("How do I get the poses as numpy or TUM?", "python.md", "trajectory.poses", "write_tum"),
     ("How do I inject a fault in my own test?", "python.md", 'fail("silence"', "simulated_rover"),
     ("How do I read the pose of a running rover?", "python.md", "examples/read_pose.py", "eclipse-zenoh"),
+    # what a reader without any knowledge asked first
+    ("Which port has my USB laser?", "hardware.md", "ls /dev/ttyACM*", 'laser.url = "serial:///dev/ttyACM0"'),
+    ("Is a Raspberry Pi enough?", "hardware.md", "Raspberry Pi 4 or 5", "nobody has measured one"),
+    ("Does the CAN bus come up at each boot?", "first_hour.md", "until the next boot", "`encoders.bus.bitrate`"),
+    ("Do maps, configurations and runs outlive an upgrade?", "install.md", "after an upgrade", "save it again"),
+    ("The rover has no internet.", "install.md", "--no-index --find-links wheels", "pip wheel --wheel-dir wheels ."),
+    ("What if the CAN cable falls out while driving?", "troubleshooting.md", "wheels fall silent", "`degraded`"),
+    ("Permission denied on /dev/ttyACM0.", "troubleshooting.md", "needs the group `dialout`"),
+    ("How does a rover use yesterday's map?", "questions.md", "yesterday's map today?", "--map yard.map"),
+    ("What do running, degraded and lost mean?", "reading_a_review.md", "*degraded* that something is missing"),
+    ("How far is it from my own ground truth?", "reading_a_review.md", "--truth truth.tum", "evo calls ATE"),
+    ("How do I export a run for evo or ROS?", "reading_a_review.md", "--tum FILE", "ros2 bag play"),
+    ("Can I look at a run on Windows or macOS?", "reading_a_review.md", "opens in any browser", "rerun review.rrd"),
+    ("How do I send a part of a run to somebody?", "reading_a_review.md", "no command cuts a part out"),
+    ("What does it take in GitHub Actions?", "journeys/ci.md", "actions/cache@v4", "pip install ./infant"),
+    ("How do I silence the laser in a pytest?", "journeys/ci.md", 'simulated_laser.fail("silence", duration_s=2)'),
+    ("How does each CI run get the same faults?", "journeys/ci.md", 'place = "building"', "[simulation.wheels]"),
+    # and second, after those had an answer
+    ("Can I use a SICK or an RPLidar?", "hardware.md", "SICK, RPLidar", "no driver"),
+    ("My encoders are on an Arduino.", "hardware.md", "on GPIO pins, a serial port or an Arduino"),
+    ("Can I run it without root?", "install.md", "Without root there is no service"),
+    ("Does it read ROS topics?", "questions.md", "scan and odometry from ROS topics?** Not while driving"),
+    ("What is NEES?", "questions.md", "the covariance is too small"),
+    ("What is the difference between uncertain and lost?", "reading_a_review.md", "*uncertain* (they did not"),
+    ("Where are the CAN frames of a moment?", "reading_a_review.md", "`/raw/can`", "record.raw"),
+    ("How do I get the landmarks?", "python.md", "`landmarks.csv`"),
+    ("How do I replay many runs with many settings?", "journeys/ci.md", "infant sweep runs/yard runs/gate"),
+    ("How do I simulate my own rover in CI?", "journeys/ci.md", "simulates your own rover", "infant_configuration"),
 )
 
 
@@ -89,7 +117,7 @@ def test_the_index_offers_ten_pages() -> None:
     linked = re.findall(r"\]\(([\w/]+\.md)\)", (DOCS / "index.md").read_text(encoding="utf-8"))
     assert len(linked) == len(set(linked)) == LINKS
     assert {page for _, page, *_ in QUESTIONS} <= set(linked)
-    assert len(QUESTIONS) == 36
+    assert len(QUESTIONS) == 62
 
 
 @pytest.mark.parametrize(("question", "page", "answers"), [(asked, page, words) for asked, page, *words in QUESTIONS])

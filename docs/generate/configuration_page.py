@@ -140,6 +140,8 @@ def _words(annotation: Any) -> str:
         return _words(inner[0])
     if origin in (typing.Union, UnionType):
         return " or ".join(_words(each) for each in inner if each is not type(None))
+    if origin is tuple and isinstance(inner[0], type) and issubclass(inner[0], BaseModel):
+        return "list of tables"
     if origin in (tuple, list):
         return f"list of {_words(inner[0])}"
     if origin is dict:

@@ -82,4 +82,8 @@ class SimulatedLaserSettings(BaseModel):
     reboot_disconnect_s: float = Field(0.2, ge=0.0, le=5.0, description="s from RB until the link drops; real ones 1 s")
     pace: float = Field(1.0, ge=0.1, le=100.0, description="how many times faster than real time it turns; for tests")
     seed: int = Field(1, ge=0, le=2**32 - 1, description="for faults that strike at random")
-    faults: tuple[LaserFault, ...] = Field((), description="faults that come by themselves")
+    faults: tuple[LaserFault, ...] = Field(
+        (),
+        description='Faults that come by themselves, such as `[{ kind = "silence", start_s = 10, duration_s = 2 }]`; '
+        "`help` in `infant sim` lists them. Set it for a test that has to fail in the same way each time",
+    )

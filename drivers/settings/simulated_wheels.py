@@ -97,4 +97,9 @@ class SimulatedWheelSettings(BaseModel):
         le=10.0,
         description="standard deviation of the moment of sending and counting",
     )
-    faults: tuple[WheelFault, ...] = Field(default=(), description="faults from the start on")
+    faults: tuple[WheelFault, ...] = Field(
+        default=(),
+        description='Faults that come by themselves, such as `[{ name = "slip", wheel = "left", start_s = 10, '
+        "duration_s = 2, share = 0.3 }]`; `help` in `infant sim` lists them. Set it for a test that has to fail in the "
+        "same way each time",
+    )

@@ -125,8 +125,9 @@ class WorldSettings(BaseModel):
     )
     place: Place = Field(
         default="park",
-        description="park; building: corridors in a ring with rooms, doors and glass; corridor: walls along the course "
-        "with niches; orchard: rows of trunks; empty: nobody but the people. Change it to what you will drive in",
+        description="What stands around the rover. park: posts, trees, bushes and walls; building: corridors in a ring "
+        "with rooms, doors and glass; corridor: walls along the course with niches; orchard: rows of trunks; empty: "
+        "only people. Change it to what you will drive in",
     )
     margin_m: float = Field(default=16.0, ge=2.0, le=200.0, description="how far the park reaches beyond the course, m")
     clearance_m: float = Field(default=1.2, ge=0.5, le=10.0, description="nothing fixed is nearer to the course, m")
@@ -141,6 +142,10 @@ class WorldSettings(BaseModel):
         description="Number of people: crossing, walking along the course, standing and then leaving. Change it "
         "for a busier or an empty park",
     )
-    kidnaps: tuple[KidnapSettings, ...] = Field(default=(), description="when the rover is carried away, in this order")
+    kidnaps: tuple[KidnapSettings, ...] = Field(
+        default=(),
+        description="When the rover is lifted and put down elsewhere, such as `[{ start_s = 20, x_m = 2, y_m = 1, "
+        "turn_deg = 60 }]`. Set it to see how the rover finds its way back",
+    )
     drive: DriveSettings = DriveSettings()
     laser: LaserGeometrySettings = LaserGeometrySettings()

@@ -141,8 +141,13 @@ def sim(
     pty: Annotated[
         str | None, typer.Option("--pty", metavar="PATH", help="also serve a pseudo-terminal, linked from this path")
     ] = None,
+    place: Annotated[
+        str | None,
+        typer.Option("--place", metavar="PLACE", help="what it drives in: park, building, corridor, orchard or empty"),
+    ] = None,
     record: Annotated[
-        Path | None, typer.Option("--record", metavar="DIR", help="keep what was sent, for infant import")
+        Path | None,
+        typer.Option("--record", metavar="DIR", help="keep what was sent; infant import reads each file of it"),
     ] = None,
 ) -> None:
     """Run only the simulated devices, for any SCIP or CAN client to connect to, until Ctrl-C.
@@ -153,7 +158,7 @@ def sim(
     from runtime.errors import UsageError
     from runtime.simulation.serve import serve_laser, serve_rover
 
-    overrides = laser_overrides(model, listen, pty)
+    overrides = laser_overrides(model, listen, pty) | ({} if place is None else {"simulation.world.place": place})
     stop = stop_on_signals()
     if laser_only:
         serve_laser(config, overrides, stop, sys.stdout, sys.stdin)

@@ -1,13 +1,17 @@
 """Commands before the first drive: setup, config, install."""
 
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar, cast
 
 import typer
 
 from runtime.cli.output import answer, say, say_json
 from runtime.cli.progress import AsJson
+
+Value = TypeVar("Value")
 
 
 def install(
@@ -115,23 +119,48 @@ def setup(
 ) -> None:
     """Find the laser and the wheels and write a configuration for them. On CAN it only listens."""
     from runtime.errors import UsageError
+    from runtime.setup.discover.questions import measure
     from runtime.setup.discover.wizard import Known, next_lines, set_up
     from runtime.setup.discover.written import Geometry
 
     given = dict(zip(GEOMETRY, (wheel_radius, tread, counts_per_rev, laser_ahead), strict=True))
-    missing = [option for option, value in given.items() if value is None]
+    numbers = {option: measure(option, value) for option, value in given.items() if value is not None}
+    missing = [option for option in GEOMETRY if option not in numbers]
     if missing and (yes or not sys.stdin.isatty()):
         wanted = ", ".join(f"{option} ({GEOMETRY[option]})" for option in missing)
         raise UsageError(f"{wanted}: missing; measure it, geometry is never guessed")
 
     def geometry() -> Geometry:
-        for option in missing:
-            given[option] = typer.prompt(GEOMETRY[option], type=float, err=True)
-        radius, width, counts, ahead = (float(value or 0.0) for value in given.values())
-        return Geometry(radius, width, counts, ahead, backwards, upside_down)
+        facing = (backwards, upside_down)
+        if missing:
+            numbers.update({option: _asked(GEOMETRY[option], partial(measure, option)) for option in missing})
+            questions = ("does the laser look backwards?", "does the laser hang upside down?")
+            facing = (
+                backwards or typer.confirm(questions[0], err=True),
+                upside_down or typer.confirm(questions[1], err=True),
+            )
+        radius, width, counts, ahead = (numbers[option] for option in GEOMETRY)
+        return Geometry(radius, width, counts, ahead, *facing)
 
-    result = set_up(out, rover, Known(laser, can, dbc), geometry, lambda line: say(line, err=as_json))
+    ask = (lambda question: _asked(question, str)) if missing else None
+    try:
+        result = set_up(out, rover, Known(laser, can, dbc, ask), geometry, lambda line: say(line, err=as_json))
+    except typer.Abort:
+        raise KeyboardInterrupt from None
     answer(result.as_json(), next_lines(out), as_json)
+
+
+def _asked(question: str, taken: Callable[[str], Value]) -> Value:
+    """The first answer that can be used. Raises typer.Abort where the person has had enough."""
+    from runtime.errors import UsageError
+
+    def value(text: str) -> Value:
+        try:
+            return taken(text)
+        except UsageError as error:
+            raise typer.BadParameter(str(error)) from error
+
+    return cast("Value", typer.prompt(question, value_proc=value, err=True))
 
 
 COMMANDS = (setup, config, install)

@@ -19,6 +19,7 @@ from drivers.settings.simulation import SimulationSettings
 from drivers.settings.vehicle import VehicleSettings
 from runtime.bounded_read import read_bounded
 from runtime.errors import ConfigurationError
+from runtime.expected_value import expected_value
 from runtime.printable import printable
 from runtime.settings.data_set import DataSetSettings
 from runtime.settings.loop import LoopSettings
@@ -265,8 +266,7 @@ def _sentence(problem: Any) -> str:
         case "missing":
             return f"{key}: missing; add it to the configuration"
         case _:
-            expected = problem["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-            return f"{key} = {_shown(problem)}: expected {expected}; change it in the configuration"
+            return f"{key} = {_shown(problem)}: expected {expected_value(problem)}; change it in the configuration"
 
 
 def _shown(problem: Any) -> str:

@@ -24,8 +24,8 @@ class Table(NamedTuple):
         return ((name, field) for name, field in self.model.model_fields.items() if name not in hidden)
 
     def leaves(self) -> Iterator[tuple[str, FieldInfo]]:
-        """Those that hold a value."""
-        return ((name, field) for name, field in self.fields() if not models_in(field.annotation))
+        """Those that hold a value; a list of tables is one, such as that of the faults of a simulated sensor."""
+        return ((name, field) for name, field in self.fields() if not _inner(field))
 
 
 def tables() -> Iterator[Table]:
@@ -46,8 +46,13 @@ def distinct_keys() -> set[str]:
 def _below(table: Table) -> Iterator[Table]:
     yield table
     for name, field in table.fields():
-        for model in models_in(field.annotation):
+        for model in _inner(field):
             yield from _below(Table(f"{table.path}.{name}".lstrip("."), _kind(model) or table.kind, model))
+
+
+def _inner(field: FieldInfo) -> list[type[BaseModel]]:
+    """The models of the table or tables below, none for a value."""
+    return [] if typing.get_origin(field.annotation) is tuple else models_in(field.annotation)
 
 
 def _kind(model: type[BaseModel]) -> str:

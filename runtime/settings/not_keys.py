@@ -22,15 +22,18 @@ INTERNAL: dict[str, tuple[type[BaseModel], frozenset[str]]] = {
     "encoders.layout.right": (WheelSignals, DEVICE),
     "slam": (SlamSettings, frozenset({"resample_share"})),
     "review": (ReviewSettings, frozenset({"scan_every"})),
-    "simulation.world": (WorldSettings, frozenset(WorldSettings.model_fields) - {"seed", "people", "drive"}),
+    "simulation.world": (
+        WorldSettings,
+        frozenset(WorldSettings.model_fields) - {"seed", "place", "people", "kidnaps", "drive"},
+    ),
     "simulation.world.drive": (DriveSettings, frozenset(DriveSettings.model_fields) - {"speed_mps"}),
     "simulation.laser": (
         SimulatedLaserSettings,
-        frozenset(SimulatedLaserSettings.model_fields) - {"model", "host", "port", "pty"},
+        frozenset(SimulatedLaserSettings.model_fields) - {"model", "host", "port", "pty", "faults"},
     ),
     "simulation.wheels": (
         SimulatedWheelSettings,
-        frozenset(SimulatedWheelSettings.model_fields) - {"slip_std_per_m"},
+        frozenset(SimulatedWheelSettings.model_fields) - {"slip_std_per_m", "faults"},
     ),
 }
 """By table: its model, and the fields that programs only set, such as tests and studies of another park."""

@@ -231,7 +231,6 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
 TABLES = {
     **{f"encoders.layout.{side}.info": "INFANT_* in drivers/settings/layouts.py" for side in ("left", "right")},
     "simulation.world.laser": "LaserGeometrySettings in drivers/settings/simulated_world.py",
-    **{f"simulation.{of}.faults": "`infant sim`, which takes faults while it runs" for of in ("laser", "wheels")},
     "laser.raw": "record.raw, which decides it",
     "encoders.layout.messages": 'a DBC file, which says the same (kind = "dbc")',
     "simulation.laser.speed_rpm": "LaserModel profiles in drivers/simulated/laser/profiles.py",

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
+from drivers.settings.can import BusSettings
 from runtime.atomic_write import atomic_write
 from runtime.errors import ConfigurationError, PreflightError, StorageError
 from runtime.settings.configuration import Configuration, load_configuration
@@ -72,15 +73,18 @@ def plan_install(root: Path, program: Path, configuration: Path | None = None) -
     configuration: what becomes /etc/infant/rover.toml where there is none; the repository's own by default.
     Raises ConfigurationError when what will be in force there cannot be used, StorageError when a file cannot be read.
     """
-    files = tuple(_planned(SYSTEMD / name, root / place, program) for name, place in PLACES.items())
     source = shipped_configuration(configuration or CONFIG / "rover.toml")
     configured = load_configuration(source)
     validate_for_live_run(configured, str(source))
     chosen = _planned(source, root / CONFIGURATION, program)
     notes: tuple[str, ...] = ()
-    if chosen.state is FileState.DIFFERS:
+    kept = chosen.state is FileState.DIFFERS
+    in_force = load_configuration(chosen.path) if kept else configured
+    bus = None if in_force.encoders is None else in_force.encoders.bus
+    files = tuple(_planned(SYSTEMD / name, root / place, program, bus) for name, place in PLACES.items())
+    if kept:
         chosen = PlannedFile(chosen.path, chosen.text, FileState.KEPT, chosen.diff)
-        validate_for_live_run(load_configuration(chosen.path), str(chosen.path))
+        validate_for_live_run(in_force, str(chosen.path))
         notes += (f"{chosen.path} is kept: an existing configuration is never overwritten",)
     else:
         files += _layout_file(configured, source, root, program)
@@ -214,9 +218,13 @@ def _is_active(unit: str) -> bool:
     return subprocess.run([systemctl, "is-active", "--quiet", unit], capture_output=True, check=False).returncode == 0
 
 
-def _planned(source: Path, target: Path, program: Path) -> PlannedFile:
-    """One file of the repository against the one in its place."""
+def _planned(source: Path, target: Path, program: Path, bus: BusSettings | None = None) -> PlannedFile:
+    """One file of the repository against the one in its place. bus: that of the wheels, which a file brings up."""
     text = _text(source).replace(str(SHIPPED_PROGRAM), str(program))
+    if bus is not None and bus.interface == "socketcan":
+        text = text.replace("Name=can0\n", f"Name={bus.channel}\n").replace(
+            "BitRate=500K\n", f"BitRate={bus.bitrate}\n"
+        )
     if not target.exists():
         return PlannedFile(target, text, FileState.NEW)
     there = _text(target)

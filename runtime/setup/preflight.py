@@ -101,13 +101,13 @@ def check_calibration(configuration: Configuration) -> Check:
     names = ("wheel_radius_left_m", "wheel_radius_right_m", "tread_m")
     measured = any(getattr(vehicle, name) != getattr(type(vehicle)(), name) for name in names)
     if measured:
-        return Check("calibration", CheckResult.PASS, "wheel radii and tread differ from the drawing")
+        return Check("calibration", CheckResult.PASS, "wheel radii and tread are set for this rover")
     if configuration.simulation is not None:
         return Check("calibration", CheckResult.PASS, "simulated wheels are as designed")
     return Check(
         "calibration",
         CheckResult.WARN,
-        "wheel radii and tread are those of the drawing",
+        "wheel radii and tread are the defaults, which are those of another rover",
         "drive some loops both ways, then: infant calibrate RUN --write FILE",
     )
 

@@ -14,11 +14,13 @@ from drivers.measurements import DriverError
 from drivers.settings.can import BusSettings
 from drivers.settings.encoders import EncoderSettings
 from drivers.settings.simulated_laser import SimulatedLaserSettings
+from drivers.settings.simulated_world import WorldSettings
 from drivers.settings.simulation import SimulationSettings
 from drivers.simulated.laser.device import LaserDevice
 from drivers.simulated.rover import Rover, world_for
 from drivers.simulated.world.places.choose import world_of
 from runtime.errors import ConfigurationError, UsageError
+from runtime.expected_value import expected_value
 from runtime.settings.configuration import load_configuration, load_configuration_text
 from runtime.simulation.as_configured import simulation_of
 from runtime.simulation.sent import SentBytes
@@ -42,7 +44,7 @@ def serve_rover(
 
     Raises ConfigurationError for a rover that cannot be simulated, UsageError, StorageError.
     """
-    simulation, encoders = _described(config, overrides)
+    simulation, encoders = described(config, overrides)
     with ExitStack() as stack:
         sent = None if record is None else stack.enter_context(SentBytes(record))
         try:
@@ -73,7 +75,7 @@ def _geometry_words(simulation: SimulationSettings, encoders: EncoderSettings) -
     return words + " --backwards" * (math.cos(yaw_rad) < 0.0) + " --upside-down" * laser.upside_down
 
 
-def _described(config: Path, overrides: dict[str, str]) -> tuple[SimulationSettings, EncoderSettings]:
+def described(config: Path, overrides: dict[str, str]) -> tuple[SimulationSettings, EncoderSettings]:
     """What to simulate; on a bus of this machine alone where the file's CAN interface is not here."""
     configuration = load_configuration(config)
     if configuration.encoders is None:
@@ -83,15 +85,19 @@ def _described(config: Path, overrides: dict[str, str]) -> tuple[SimulationSetti
         assert simulation is not None
         return simulation, configuration.encoders
     simulation, encoders = simulation_of(configuration), configuration.encoders
-    words = {key.rpartition(".")[2]: value for key, value in overrides.items()}
+    words: dict[str, dict[str, str]] = {"world": {}, "laser": {}}
+    for key, value in overrides.items():
+        words[key.split(".")[1]][key.split(".")[2]] = value
     try:
-        laser = SimulatedLaserSettings.model_validate({"model": simulation.laser.model} | words)
+        laser = SimulatedLaserSettings.model_validate({"model": simulation.laser.model} | words["laser"])
+        world = WorldSettings.model_validate(simulation.world.model_dump() | words["world"])
     except ValidationError as error:
         problem = error.errors()[0]
-        raise UsageError(f"{problem['loc'][0]} = {problem['input']!r}: {problem['msg']}") from error
+        sentence = f"{problem['loc'][0]} = {problem['input']!r}: expected {expected_value(problem)}"
+        raise UsageError(sentence) from error
     if encoders.bus.interface == "socketcan" and not (INTERFACES / encoders.bus.channel).exists():
         encoders = encoders.model_copy(update={"bus": BusSettings()})
-    return simulation.model_copy(update={"laser": laser}), encoders
+    return simulation.model_copy(update={"laser": laser, "world": world}), encoders
 
 
 def serve_laser(

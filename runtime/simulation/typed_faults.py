@@ -11,6 +11,7 @@ from drivers.settings.simulated_laser import LaserFault
 from drivers.settings.simulated_wheels import WheelFault
 from drivers.settings.simulated_world import KidnapSettings
 from runtime.errors import UsageError
+from runtime.expected_value import expected_value
 
 EXAMPLES = "for example 'laser silence duration_s=2', 'wheels slip share=0.3', 'world kidnap' or 'clear laser'"
 FAULTS: dict[str, tuple[type[BaseModel], str]] = {
@@ -87,7 +88,7 @@ def fault_lines(devices: Iterable[str]) -> list[str]:
 
 def _known(name: str, devices: Mapping[str, Device]) -> Device:
     if name not in devices:
-        raise UsageError(f"{name}: no such device here; expected {' or '.join(devices)}, {EXAMPLES}")
+        raise UsageError(f"{name}: no such device here; expected one of {', '.join(devices)}, {EXAMPLES}")
     return devices[name]
 
 
@@ -103,5 +104,4 @@ def _sentence(device: str, problem: Any) -> str:
     if problem["type"] == "extra_forbidden":
         known = ", ".join(FAULTS[device][0].model_fields)
         return f"{device} {key}={problem['input']!r}: unknown key; keys of a fault are {known}"
-    expected = problem["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-    return f"{device} {key}={problem['input']!r}: expected {expected}"
+    return f"{device} {key}={problem['input']!r}: expected {expected_value(problem)}"

@@ -78,7 +78,9 @@ def _client(scheduler: str) -> Iterator[Any]:
     try:
         import distributed
     except ModuleNotFoundError as error:
-        raise UsageError("--scheduler needs the extra: pip install 'infant[cluster]'") from error
+        raise UsageError(
+            "--scheduler: several processes need the extra: pip install 'infant[cluster]'; or give --scheduler none"
+        ) from error
     if scheduler != "local":
         try:
             client = distributed.Client(scheduler, timeout=CONNECT_S, set_as_default=False)

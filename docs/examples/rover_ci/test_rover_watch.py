@@ -1,4 +1,4 @@
-"""Tests with simulated sensors, with no hardware attached: `pip install infant pytest`, then `pytest`."""
+"""Tests with simulated sensors, without hardware: install pytest, and Infant from its sources; then type `pytest`."""
 
 import time
 

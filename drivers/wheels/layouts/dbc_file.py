@@ -133,12 +133,12 @@ def dbc_text(path: Path) -> str:
             raw = stream.read(LARGEST_BYTES + 1) or b""
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise DriverError(f"{path}: cannot be read ({reason}); give the path of a DBC in layout.file") from error
+        raise DriverError(f"{path}: cannot be read ({reason}); give the path of a DBC") from error
     if len(raw) > LARGEST_BYTES:
-        raise DriverError(f"{path}: has more than {LARGEST_BYTES >> 20} MB; give the path of a DBC in layout.file")
+        raise DriverError(f"{path}: has more than {LARGEST_BYTES >> 20} MB; give the path of a DBC")
     text = decoded(raw)
     if "BO_" not in text:
-        raise DriverError(f"{path}: holds no message (BO_), so it is not a DBC; give the path of one in layout.file")
+        raise DriverError(f"{path}: holds no message (BO_), so it is not a DBC; give the path of a DBC")
     return COMMENT.sub("", text)
 
 

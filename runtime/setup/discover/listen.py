@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +21,17 @@ UDEV_NAME = Path("/dev/infant/lidar")
 INTERFACES = Path("/sys/class/net")
 CAN_TYPE = "280"  # ARPHRD_CAN
 ANSWER_S = 6.0  # a sensor with Ethernet has started, connected and sent a scan
+OTHERS_S = 1.0  # after the first has answered: a second laser would be used by mistake
 POLL_S = 0.05
 MOST_FRAMES = 200_000
 
 
 @dataclass(frozen=True, slots=True)
 class LaserFound:
-    """A laser that answered VV, PP and II and sent a scan. Angles: first and last beam, counter-clockwise."""
+    """A laser that answered VV, PP and II and sent a scan. Angles: first and last beam, counter-clockwise.
+
+    others: addresses at which further lasers answered.
+    """
 
     url: str
     model: str
@@ -37,12 +41,14 @@ class LaserFound:
     first_deg: float
     last_deg: float
     range_max_m: float
+    others: tuple[str, ...] = ()
 
     def line(self) -> str:
         """For a person."""
         return (
             f"{self.model} at {self.url}: firmware {self.firmware}, serial number {self.serial_number}, {self.beams} "
             f"beams from {self.first_deg:.0f} to {self.last_deg:.0f} degrees, up to {self.range_max_m:g} m"
+            + "".join(f"; another laser answers at {url}: give --laser {url} to use that one" for url in self.others)
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -62,23 +68,35 @@ def laser_urls() -> list[str]:
 
 def find_laser(urls: Sequence[str], wait_s: float = ANSWER_S) -> LaserFound | None:
     """The first of these that sends a scan; all are asked at once. Nothing is written to any other port."""
-    lasers = [Hokuyo(LaserSettings(url=url), time.monotonic_ns) for url in urls]
-    pause = threading.Event()
+    lasers = {url: Hokuyo(LaserSettings(url=url), time.monotonic_ns) for url in urls}
+    found: dict[str, LaserFound] = {}
+    pause, polls = threading.Event(), round(wait_s / POLL_S)
     try:
-        for laser in lasers:
+        for laser in lasers.values():
             laser.start()
-        for _ in range(round(wait_s / POLL_S)):
-            for url, laser in zip(urls, lasers, strict=True):
-                scan, facts = laser.latest(), laser.health().facts
-                if scan is not None and "model" in facts:
-                    first, last = np.rad2deg(scan.bearings_rad[[0, -1]]).tolist()
-                    names = (facts["model"], facts.get("firmware", "unknown"), facts.get("serial_number", "unknown"))
-                    return LaserFound(url, *names, scan.bearings_rad.size, first, last, scan.range_max_m)
+        while polls > 0 and len(found) < len(lasers):
+            for url, laser in lasers.items():
+                answer = _answer(url, laser)
+                if answer is not None and url not in found:
+                    found[url] = answer
+                    polls = min(polls, round(OTHERS_S / POLL_S))
+            polls -= 1
             pause.wait(POLL_S)
     finally:
-        for laser in lasers:
+        for laser in lasers.values():
             laser.close()
-    return None
+    first, *others = [url for url in lasers if url in found] or [""]
+    return replace(found[first], others=tuple(others)) if found else None
+
+
+def _answer(url: str, laser: Hokuyo) -> LaserFound | None:
+    """What it says of itself once it has sent a scan."""
+    scan, facts = laser.latest(), laser.health().facts
+    if scan is None or "model" not in facts:
+        return None
+    first, last = np.rad2deg(scan.bearings_rad[[0, -1]]).tolist()
+    names = (facts["model"], facts.get("firmware", "unknown"), facts.get("serial_number", "unknown"))
+    return LaserFound(url, *names, scan.bearings_rad.size, first, last, scan.range_max_m)
 
 
 def can_interfaces(folder: Path = INTERFACES) -> list[str]:

@@ -1,19 +1,21 @@
 """`infant setup`: look, listen, ask for the rest, and write a configuration that has been checked."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from drivers.canbus.frame import CanFrame
 from drivers.measurements import DriverError
 from drivers.settings.can import BusSettings
+from drivers.settings.layouts import DbcLayout
 from runtime.atomic_write import atomic_write
 from runtime.errors import SensorError, StorageError, UsageError
 from runtime.settings.configuration import load_configuration_text
 from runtime.setup.discover.can_traffic import IdTraffic, traffic_of
 from runtime.setup.discover.dbc_match import layouts_in
 from runtime.setup.discover.listen import LaserFound, bus_named, can_interfaces, find_laser, hear, laser_urls
+from runtime.setup.discover.questions import BUS, DBC, LASER, Ask, laser_url, rover_name, until_found
 from runtime.setup.discover.wheel_layouts import LayoutFound, layouts_that_fit
 from runtime.setup.discover.written import Geometry, configuration_text
 
@@ -25,11 +27,15 @@ FindLaser = Callable[[Sequence[str]], LaserFound | None]
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What the person says beforehand; None: to be found. bus: can0, or INTERFACE:CHANNEL[:PORT]. dbc: at hand."""
+    """What the person says beforehand; None: to be found. bus: can0, or INTERFACE:CHANNEL[:PORT]. dbc: at hand.
+
+    ask: puts a question to the person and returns the answer; None: nobody is there.
+    """
 
     laser_url: str | None = None
     bus: str | None = None
     dbc: Path | None = None
+    ask: Ask | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,35 +73,38 @@ def set_up(
 
     geometry: asked for only when the rest is found. search: how to find a laser and how to listen.
     Raises StorageError where the file is there or cannot be written, SensorError where a sensor is not found,
-    UsageError where the bus has no such name, ConfigurationError where the geometry cannot be.
+    UsageError where an answer cannot be used.
     """
     if path.exists():
         raise StorageError(f"{path} exists; a configuration is never overwritten, give another name with --out")
+    if name is not None:
+        rover_name(name)
+    dbc = None if known.dbc is None else str(known.dbc)
+    _in_dbc(dbc, [])
     find, listen = search
-    urls = laser_urls() if known.laser_url is None else [known.laser_url]
-    laser = find(urls)
-    if laser is None:
-        raise SensorError(f"no laser answered at {', '.join(urls)}; check its power and cable, or give --laser URL")
+    laser = until_found(lambda url: _laser(url, find), known.laser_url, LASER, known.ask, say)
     say(f"laser     {laser.line()}")
-    bus, traffic = _busiest(known.bus, listen)
+    bus, traffic = until_found(lambda bus: _busiest(bus, listen), known.bus, BUS, known.ask, say)
     for each in traffic:
         say(f"heard     {each.line()}")
-    fitting = [*(layouts_in(known.dbc, traffic) if known.dbc is not None else ()), *layouts_that_fit(traffic)]
-    if not fitting:
-        heard = ", ".join(each.name for each in traffic)
-        raise SensorError(
-            f"ids {heard} are heard on {bus.channel}, but no known layout fits them; give the DBC of their "
-            "maker with --dbc FILE, or name its signals in [encoders.layout]"
-        )
+    fitting = until_found(lambda file: _fitting(file, bus, traffic), dbc, DBC, known.ask, say)
     for fit in fitting:
         say(f"wheels    {fit.name}, recognised by {fit.why}")
-    text = configuration_text(name, laser, bus, fitting[0], geometry())
+    text = configuration_text(name, laser, bus, beside(fitting[0], path), geometry())
     load_configuration_text(text, source=str(path), recorded=False)
     try:
         atomic_write(path, text)
     except OSError as error:
         raise StorageError(f"{path} cannot be written ({error.strerror}); give another name with --out") from error
     return SetupResult(path, laser, bus, traffic, fitting, text)
+
+
+def beside(found: LayoutFound, path: Path) -> LayoutFound:
+    """With a DBC in the folder of the configuration named relative to it, so that `infant install` takes it along."""
+    layout, folder = found.layout, path.resolve().parent
+    if not isinstance(layout, DbcLayout) or layout.file is None or not Path(layout.file).is_relative_to(folder):
+        return found
+    return replace(found, layout=layout.model_copy(update={"file": str(Path(layout.file).relative_to(folder))}))
 
 
 def next_lines(path: Path) -> list[str]:
@@ -107,6 +116,35 @@ def next_lines(path: Path) -> list[str]:
         "the right and 5 m straight; start and end at rest",
         f"          infant calibrate RUN --config {path} --write {path}",
     ]
+
+
+def _laser(url: str | None, find: FindLaser) -> LaserFound:
+    """The laser that answers. Raises SensorError, UsageError."""
+    urls = laser_urls() if url is None else [laser_url(url)]
+    laser = find(urls)
+    if laser is None:
+        raise SensorError(f"no laser answered at {', '.join(urls)}; check its power and cable, or give --laser URL")
+    return laser
+
+
+def _in_dbc(file: str | None, traffic: list[IdTraffic]) -> list[LayoutFound]:
+    """Layouts of the DBC whose messages are heard. Raises UsageError where it is none."""
+    try:
+        return [] if file is None else layouts_in(Path(file), traffic)
+    except DriverError as error:
+        raise UsageError(f"--dbc {error}") from error
+
+
+def _fitting(file: str | None, bus: BusSettings, traffic: list[IdTraffic]) -> list[LayoutFound]:
+    """All layouts that fit, those of the DBC first. Raises SensorError, UsageError."""
+    fitting = [*_in_dbc(file, traffic), *layouts_that_fit(traffic)]
+    if not fitting:
+        heard = ", ".join(each.name for each in traffic)
+        raise SensorError(
+            f"ids {heard} are heard on {bus.channel}, but no known layout fits them; give the DBC of their "
+            "maker with --dbc FILE, or name its signals in [encoders.layout]"
+        )
+    return fitting
 
 
 def _busiest(name: str | None, listen: Hear) -> tuple[BusSettings, list[IdTraffic]]:

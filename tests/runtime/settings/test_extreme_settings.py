@@ -78,7 +78,7 @@ def test_numbers_that_nobody_means_are_refused_in_one_sentence(key: str, value: 
 )
 def test_a_length_time_or_deviation_next_to_nothing_is_refused_where_it_leaves_nothing_to_work_with(key: str) -> None:
     """A laser that sees 1 nm has no landmarks, and nobody would know why."""
-    with pytest.raises(ConfigurationError, match=rf"{key} = 1e-06: expected greater than or equal to "):
+    with pytest.raises(ConfigurationError, match=rf"{key} = 1e-06: expected at least "):
         load_configuration_text("", {key: "1e-6"})
 
 

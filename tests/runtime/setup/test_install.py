@@ -14,7 +14,7 @@ from runtime.settings.configuration import load_configuration
 from runtime.setup import install
 from runtime.setup.install import CONFIGURATION, PLACES, SHIPPED_PROGRAM, Command, FileState, Plan
 from runtime.setup.place import place_trouble
-from runtime.source_tree import ROOT
+from runtime.source_tree import CONFIG, ROOT
 from tests.support.runtime.measured import VEHICLE
 
 UNIT = "etc/systemd/system/infant.service"
@@ -81,7 +81,7 @@ def test_a_configuration_that_cannot_be_used_stops_it_before_anything_is_written
     bad = tmp_path / "bad.toml"
     bad.write_text("[laser]\nurl = 7\n")
     root = tmp_path / "root"
-    with pytest.raises(ConfigurationError, match=r"bad\.toml: laser\.url = 7: expected a valid string"):
+    with pytest.raises(ConfigurationError, match=r"bad\.toml: laser\.url = 7: expected text"):
         install.plan_install(root, SHIPPED_PROGRAM, bad)
     (root / "etc" / "infant").mkdir(parents=True)
     (root / CONFIGURATION).write_text("[loop]\nrate = 10\n")
@@ -205,3 +205,15 @@ def test_the_dbc_of_a_configuration_goes_with_it(tmp_path: Path) -> None:
     source.write_text(source.read_text().replace("maker/", "../mine/maker/"))
     with pytest.raises(ConfigurationError, match="next to the configuration"):
         install.plan_install(tmp_path / "mine", SHIPPED_PROGRAM, source)
+
+
+def test_the_bus_is_brought_up_with_the_name_and_the_bit_rate_of_the_configuration(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.toml"
+    text = (CONFIG / "rover.toml").read_text(encoding="utf-8")
+    mine.write_text(text.replace("[encoders.bus]", "[encoders.bus]\nbitrate = 250000").replace('"can0"', '"can1"'))
+    plan = install.plan_install(tmp_path / "root", SHIPPED_PROGRAM, mine)
+    network = next(each.text for each in plan.files if each.path.name == "80-can0.network").splitlines()
+    assert {"Name=can1", "BitRate=250000"} <= set(network)
+    install.apply(plan, lambda command: None)
+    kept = install.plan_install(tmp_path / "root", SHIPPED_PROGRAM)
+    assert states(kept)["80-can0.network"] is FileState.UNCHANGED

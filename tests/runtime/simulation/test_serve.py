@@ -11,7 +11,7 @@ from runtime.api.simulated import SimulatedRover
 from runtime.errors import RunExistsError, UsageError
 from runtime.importers.wire_captures import load_candump
 from runtime.settings.configuration import load_configuration
-from runtime.simulation.serve import serve_rover
+from runtime.simulation.serve import described, serve_rover
 from runtime.simulation.typed_faults import obey
 from tests.support.drivers.waiting import wait_until
 
@@ -50,3 +50,18 @@ def test_a_typed_kidnapping_moves_the_rover_and_a_fault_without_its_signal_is_re
         assert before == (0.0, 0.0, 0.0)
         assert moved != 0.0
         assert KidnapSettings().kind in obey("help", devices)
+
+
+def test_a_described_rover_can_be_put_into_another_place_and_keeps_its_geometry() -> None:
+    path = Path("examples/ust_odrive")
+    at_home, _ = described(path, {})
+    moved, _ = described(path, {"simulation.world.place": "corridor", "simulation.laser.model": "UST-20LX"})
+    assert (at_home.world.place, moved.world.place, moved.laser.model) == ("park", "corridor", "UST-20LX")
+    assert moved.world.laser == at_home.world.laser
+    assert moved.wheels == at_home.wheels
+    with pytest.raises(
+        UsageError, match="place = 'moon': expected 'park', 'building', 'corridor', 'orchard' or 'empty'"
+    ):
+        described(path, {"simulation.world.place": "moon"})
+    simulated, _ = described(Path("mock"), {"simulation.world.place": "orchard"})
+    assert simulated.world.place == "orchard"

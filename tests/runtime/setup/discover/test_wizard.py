@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +26,8 @@ from runtime.setup.discover import wizard
 from runtime.setup.discover.can_traffic import traffic_of
 from runtime.setup.discover.dbc_match import layouts_in
 from runtime.setup.discover.listen import LaserFound, bus_named, can_interfaces, find_laser, hear
-from runtime.setup.discover.wheel_layouts import layouts_that_fit
-from runtime.setup.discover.wizard import Known, set_up
+from runtime.setup.discover.wheel_layouts import LayoutFound, layouts_that_fit
+from runtime.setup.discover.wizard import Known, beside, set_up
 from runtime.setup.discover.written import Geometry
 from runtime.setup.validation import validate_for_live_run
 from runtime.source_tree import CONFIG
@@ -216,3 +217,20 @@ def test_a_dbc_that_is_none_is_one_sentence(tmp_path: Path, content: bytes) -> N
     os.mkfifo(tmp_path / "pipe.dbc")
     with pytest.raises(DriverError, match="pipe"):
         layouts_in(tmp_path / "pipe.dbc", [])
+
+
+def test_a_second_laser_is_named_and_the_first_in_order_is_used() -> None:
+    with SimulatedRover(load_configuration("mock")) as rover, SimulatedRover(load_configuration("mock")) as other:
+        urls = [rover.laser.url, other.laser.url]
+        found = find_laser(urls, 120.0)
+    assert found is not None
+    assert found.url in urls
+    assert set(found.others) <= set(urls) - {found.url}
+    assert f"give --laser {urls[1]}" in LaserFound(*astuple(found)[:-1], others=(urls[1],)).line()
+
+
+def test_a_dbc_beside_the_file_is_named_relative_to_it(tmp_path: Path) -> None:
+    layout = DbcLayout(file=str(tmp_path.resolve() / "maker" / "rover.dbc"))
+    found = LayoutFound("DBC", layout, 50.0, "0x110")
+    assert beside(found, tmp_path / "rover.toml").layout == layout.model_copy(update={"file": "maker/rover.dbc"})
+    assert beside(found, tmp_path / "elsewhere" / "rover.toml") == found
