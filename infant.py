@@ -27,9 +27,12 @@ def main() -> None:
             sys.stderr.write(f"infant: {sentence}\n")
         sys.stderr.write("infant: install infant into a virtual environment of its own, and check PYTHONPATH\n")
         sys.exit(70)
-    from runtime.cli.__main__ import main as run_command_line  # only now is it known to be ours
+    try:
+        from runtime.cli.__main__ import main as run_command_line  # only now is it known to be ours
 
-    run_command_line()
+        run_command_line()
+    except KeyboardInterrupt:  # while packages are loaded, or for a program that reads --json
+        sys.exit(130)
 
 
 if __name__ == "__main__":

@@ -52,3 +52,13 @@ def test_a_package_of_the_same_name_from_elsewhere_is_named(tmp_path: Path, monk
         runpy.run_path(str(ROOT / "infant.py"), run_name="__main__")
     assert ended.value.code == 70
     assert "package slam would be imported from nowhere" in said.getvalue()
+
+
+def test_ctrl_c_while_packages_are_loaded_is_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("runtime.cli.__main__.main", interrupted)
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(ROOT / "infant.py"), run_name="__main__")
+    assert ended.value.code == 130

@@ -220,13 +220,13 @@ def _decode_joint(header: dict[str, Any], counts: Mapping[str, int], payload: me
         if not (np.abs(arrays[name]) <= most).all():
             raise ValueError(f"a number of {name} is beyond {most:g}")
     if not (0 <= joint.scans < FAR >> 12 and ((joint.identities >= 0) & (joint.identities < FAR)).all()):
-        raise ValueError("a landmark or the number of scans is counted beyond all drives")
+        raise ValueError("a landmark or the number of scans has a count that no drive reaches")
     hangs = joint.parents.max(axis=1, initial=ORPHAN) >= 0
     left = np.where(hangs[:, None, None], joint.residuals, joint.covariances_m2)[joint.in_state :]
     if not (_least_variances(left) >= LEAST_VARIANCE_M2).all() or not (_least_variances(_own(joint)) >= 0.0).all():
-        raise ValueError("a covariance in it is none")
+        raise ValueError("a covariance in it is not valid")
     if not _is_covariance(joint.block_m2):
-        raise ValueError("the joint covariance in it is none")
+        raise ValueError("the joint covariance in it is not valid")
     looks, finds = np.append(joint.looks, joint.after_miss[0]), np.append(joint.finds, joint.after_miss[1])
     if not ((finds >= 0.0) & (finds <= looks)).all() or not joint.after_miss[1] < joint.after_miss[0]:
         raise ValueError("a landmark in it was found more often than it was in view")

@@ -110,7 +110,7 @@ def _check_certainty(saved: SavedMap, pose: Pose2, name: str) -> None:
         variance_m2 = math.nan
     if not 0.0 <= variance_m2 < MOST_SPREAD_M**2:
         raise NotAMapError(
-            f"{name} says nothing of where its landmarks are around {pose}; take another copy of the map"
+            f"{name} does not say how accurately its landmarks around {pose} are known; take another copy of the map"
         )
 
 

@@ -39,7 +39,7 @@ def merge_files(first: Path, second: Path, out: Path) -> dict[str, Any]:
         merged = merge_maps(configuration.slam, into.joint, other.joint)
     except np.linalg.LinAlgError as error:
         raise NotAMapError(
-            f"{first} and {second} say nothing of how sure they are ({error}); take other copies"
+            f"the uncertainties in {first} and {second} cannot be used ({error}); take other copies"
         ) from error
     found = merged.found
     if merged.joint is None:

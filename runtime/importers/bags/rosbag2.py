@@ -82,7 +82,7 @@ class Bag2:
             order = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({marks}) ORDER BY timestamp"  # noqa: S608
             for number, log_ns, data in database.execute(order, wanted) if wanted else ():
                 if not (isinstance(log_ns, int) and isinstance(data, bytes)):
-                    raise ValueError("a message is no bytes or has no time")
+                    raise ValueError("a message does not consist of bytes, or has no time")
                 left_bytes -= len(data)
                 if left_bytes < 0:
                     raise ValueError("its messages have more bytes than the file")

@@ -38,7 +38,7 @@ def arm_settings(arm: str) -> Settings:
     if set(named) <= set(TECHNIQUES) and kind == "only":
         return {"techniques": {name: name in named for name in TECHNIQUES}}
     expected = f"normal, {', '.join(PROPOSALS)}, without TECHNIQUE [and TECHNIQUE]..., or only the like"
-    raise ValueError(f"{arm!r} is no arm: expected {expected}")
+    raise ValueError(f"{arm!r} is not an arm: expected {expected}")
 
 
 def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> Settings:
