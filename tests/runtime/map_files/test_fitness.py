@@ -95,7 +95,7 @@ def test_a_map_whose_landmarks_leave_the_start_open_is_refused(tmp_path: Path) -
     whole = small_map()
     (tmp_path / "hall.map").write_bytes(encode_map(replace(whole, weights=1e3 * np.ones_like(whole.weights)), FACTS))
     rover = load_configuration_text("[slam.mount]\nx_m = 0.3\n")
-    with pytest.raises(NotAMapError, match="nothing of where its landmarks are"):
+    with pytest.raises(NotAMapError, match="does not say how accurately its landmarks"):
         choose_start(tmp_path / "hall.map", False, "0,0,0", rover)
     (tmp_path / "good.map").write_bytes(map_bytes())
     assert choose_start(tmp_path / "good.map", False, "0,0,0", rover) is not None
