@@ -111,5 +111,5 @@ def test_a_file_can_say_where_a_simulated_rover_drives_and_when_what_fails() -> 
     assert again.simulation == read.simulation
     assert read.simulation is not None
     assert read.simulation.world.place == "orchard"
-    starts = [*read.simulation.world.kidnaps, *read.simulation.laser.faults, *read.simulation.wheels.faults]
-    assert [each.start_s for each in starts] == [9.0, 4.0, 6.0]
+    world, laser, wheels = read.simulation.world, read.simulation.laser, read.simulation.wheels
+    assert (world.kidnaps[0].start_s, laser.faults[0].start_s, wheels.faults[0].start_s) == (9.0, 4.0, 6.0)

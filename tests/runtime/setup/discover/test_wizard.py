@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import astuple
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -226,7 +226,7 @@ def test_a_second_laser_is_named_and_the_first_in_order_is_used() -> None:
     assert found is not None
     assert found.url in urls
     assert set(found.others) <= set(urls) - {found.url}
-    assert f"give --laser {urls[1]}" in LaserFound(*astuple(found)[:-1], others=(urls[1],)).line()
+    assert f"give --laser {urls[1]}" in replace(found, others=(urls[1],)).line()
 
 
 def test_a_dbc_beside_the_file_is_named_relative_to_it(tmp_path: Path) -> None:
