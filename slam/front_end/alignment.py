@@ -65,8 +65,9 @@ class Alignment:
     where too few of the scans are young enough to vote on the new one.
 
     refined: how many increments it has refined; found_widely: how many of them by the wide search, made last at
-    searched_ns. laid: the beams of the latest scan, None where it was not laid onto others;
-    is_disputed: it contradicts the wheels, and neither is clearly right.
+    searched_ns. laid: the beams of the latest scan where it was laid onto others, or is due to be laid onto keyframes
+    by what good wheels may be off by since the last one; else None. is_disputed: it contradicts the wheels, and neither
+    is clearly right.
     """
 
     def __init__(self, settings: FrontEndSettings, body_from_laser: Pose2) -> None:
@@ -80,6 +81,7 @@ class Alignment:
         self.refined = self.found_widely = 0
         self.laid: Beams | None = None
         self.is_disputed = False
+        self._since_laid = np.zeros((3, 3))
 
     @property
     def asks_for_two(self) -> bool:
@@ -99,8 +101,14 @@ class Alignment:
         if self._past:
             if not increment.at_rest and (self._sparse(scan.stamp_ns) or self._is_needed(increment)):
                 increment = self._aligned(now, increment)
-            elif self._is_among_walls() and self._looks_unusual(now, increment):
-                increment = self._aligned(now, increment, only_if_slipped=True)
+            elif self._is_among_walls():
+                if self._looks_unusual(now, increment):
+                    increment = self._aligned(now, increment, only_if_slipped=True)
+                self._since_laid += np.nan_to_num(self._trust.scaled(increment.covariance))
+                if self.laid is None and not self.is_disputed and _off_m(self._since_laid) > NEED_AMONG_WALLS_M:
+                    self.laid = self._beams(now)
+            if self.laid is not None:
+                self._since_laid[:] = 0.0
         self._path_from_body = now.path_from_body = self._path_from_body @ increment.as_pose()
         self._past.append(now)
         return increment
@@ -115,8 +123,7 @@ class Alignment:
         """True where the wheels could move what is matched by more than things lie apart, and among walls where they
         could by more than walls are seen to a few centimetres.
         """
-        variances = np.diag(self._trust.scaled(increment.covariance))
-        off_m = math.sqrt(variances[0] + variances[1]) + NEED_RANGE_M * math.sqrt(variances[2])
+        off_m = _off_m(self._trust.scaled(increment.covariance))
         return off_m > NEED_M or (off_m > NEED_AMONG_WALLS_M and self._is_among_walls())
 
     def _looks_unusual(self, now: SeenFrom, increment: Increment) -> bool:
@@ -273,6 +280,12 @@ class Alignment:
             seen.normals = np.empty_like(beams.points_m)
             surface_normals(beams.points_m, beams.spacing_rad, seen.normals)
         return seen.normals
+
+
+def _off_m(covariance: FloatArray) -> float:
+    """What a motion with this covariance (3, 3) may be off by, seen from NEED_RANGE_M away."""
+    variances = np.diag(covariance)
+    return math.sqrt(variances[0] + variances[1]) + NEED_RANGE_M * math.sqrt(variances[2])
 
 
 def _square(off: FloatArray, covariance: FloatArray) -> float:

@@ -6,7 +6,7 @@ feature is inside one, and a filter that believes it has lost its heading.
 
 import numpy as np
 
-from drivers.measurements import BoolArray, IntArray
+from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.joint.association import Gates, apply_hypothesis, associate, expected_within, lie_near, nearest_old
 from slam.joint.measurement import JointArrays
 from slam.joint.neighbours import block, neighbour_distances
@@ -17,6 +17,7 @@ LEAST_AGREEING = 4  # old landmarks that a hypothetical slip must explain
 MOST_HYPOTHESES = 8  # at most, in one scan
 APART_M = 0.5  # sigma of where a landmark should be seen; door frames stand a metre apart
 ALONE_M = 0.1  # the same, from which on one landmark is not believed alone
+SECOND_SHARE = 0.5  # of its sigma must a second one have at least: one that is known better says nothing of it
 BELIEVED = 4  # at least one in so many of the features that look like an old landmark
 
 
@@ -40,25 +41,32 @@ def associate_with_slip(
     true in turn, and the one with which most old landmarks are found is kept. Where that is still few, they match by
     chance, as with a blinded laser or a kidnapped rover: then nothing is believed.
     """
-    mean, covariance, _, mount = joint
-    apart = neighbour_distances(mean, places, others)
+    apart = neighbour_distances(joint.mean, places, others)
     sigma_m = expected_within(joint, places)
-    barred, alone = asks_for_two & (sigma_m > APART_M), asks_for_two & (sigma_m > ALONE_M)
     best, squares = nearest_old(joint, places, old, features, gates.slip)
     features = features._replace(order=np.lexsort((features.ranges_m, squares > gates.match_widest)))
-    chosen = np.empty_like(best)
-    associate(*block(mean, covariance, places), mount, apart, features, gates, barred, chosen)
-    if alone[chosen[chosen >= 0]].sum() == 1:
-        associate(*block(mean, covariance, places), mount, apart, features, gates, alone, chosen)
+
+    def found(seed: int | None = None) -> IntArray:
+        """What is found, as if the feature `seed` were the old landmark that is nearest to it."""
+        barred = asks_for_two & (sigma_m > APART_M)
+        while True:
+            mean, covariance = block(joint.mean, joint.covariance, places)
+            if seed is not None:
+                apply_hypothesis(mean, covariance, joint.mount, int(best[seed]), sighting_of(features, seed))
+            chosen = np.empty_like(best)
+            associate(mean, covariance, joint.mount, apart, features, gates, barred, chosen)
+            alone_m = _widest_alone(sigma_m[chosen[chosen >= 0]]) if asks_for_two else 0.0
+            if alone_m <= ALONE_M:
+                return chosen
+            barred = sigma_m >= SECOND_SHARE * alone_m
+
+    chosen = found()
     likely, agreeing = int((best >= 0).sum()), _old_ones(chosen, old)
     if 2 * agreeing >= likely or likely < LEAST_AGREEING:
         return chosen
     least = max(LEAST_AGREEING, agreeing + 1, (likely + 1) // 2)
     for seed in np.argsort(squares, kind="stable")[: min(likely, MOST_HYPOTHESES)].tolist():
-        part_mean, part_covariance = block(mean, covariance, places)
-        apply_hypothesis(part_mean, part_covariance, mount, int(best[seed]), sighting_of(features, seed))
-        trial = np.empty_like(chosen)
-        associate(part_mean, part_covariance, mount, apart, features, gates, barred, trial)
+        trial = found(seed)
         if _old_ones(trial, old) >= least:
             chosen, least = trial, _old_ones(trial, old) + 1
     if BELIEVED * _old_ones(chosen, old) < likely:
@@ -77,6 +85,14 @@ def undecided(
     unsure: BoolArray = expected_within(joint, places) > ALONE_M
     unsure[unsure] = lie_near(joint, places[unsure], features, gates.match_widest)
     return unsure
+
+
+def _widest_alone(sigma_m: FloatArray) -> float:
+    """The largest of the sigmas (k,), m, of matched landmarks where no other one is nearly as large, else 0."""
+    if not len(sigma_m):
+        return 0.0
+    widest_m = float(sigma_m.max())
+    return widest_m if (sigma_m >= SECOND_SHARE * widest_m).sum() == 1 else 0.0
 
 
 def _old_ones(chosen: IntArray, old: BoolArray) -> int:

@@ -13,7 +13,7 @@ from slam.observations import FeatureRows, Features, MatchVerdict, usable_rows
 from slam.pose import Pose2, wrap_rad
 from slam.settings.joint import JointSettings
 from slam.settings.slam import SlamSettings
-from slam.visibility import SightLine
+from slam.visibility import BLIND, SightLine
 
 POSTS_M = np.array(
     ((6.0, 1.0), (9.0, -3.0), (4.0, 7.0), (12.0, 5.0), (-3.0, 8.0), (-5.0, -6.0), (2.0, -9.0), (14.0, -8.0))
@@ -91,6 +91,33 @@ def test_one_landmark_after_a_long_way_is_believed_where_no_scan_is_laid_onto_ot
     if posts == 1 and laid:
         assert joint.map_from_body == Pose2()
         assert joint.landmark_count == len(POSTS_M), "and none is created where it stands"
+
+
+def test_a_landmark_that_is_known_far_better_says_nothing_for_one_that_may_be_anywhere() -> None:
+    """A door frame 12 m off, seen 200 s before, was taken for the next one and moved a rover by 0.7 m: the second that
+    agreed with it stood beside the rover and would have agreed with any.
+    """
+    joint = with_old_posts()
+    joint.predict(np.zeros(3), np.diag((0.02**2, 0.02**2, 0.025**2)))
+    near, far = POSTS_M[0], POSTS_M[7] + np.array((0.1, 0.2))
+    verdicts = joint.observe(seen(np.array((near, far))), np.full(2, int(MatchVerdict.NEW)), asks_for_two=True)
+    assert (verdicts < 0).all()
+    assert joint.map_from_body == Pose2()
+
+
+def test_no_slip_is_assumed_for_the_sake_of_one_landmark() -> None:
+    """What was seen a moment ago is found after any slip, so that it agrees with each."""
+    joint = with_old_posts()
+    joint.predict(np.zeros(3), np.diag((0.25**2, 0.25**2, 0.02**2)))
+    recent = np.array(((1.5, 1.0), (2.0, -1.2), (1.0, -2.0)))
+    for _ in range(SETTLED_SCANS + 2):
+        joint.observe(seen(recent), np.full(3, int(MatchVerdict.NEW)), BLIND)
+    before = joint.map_from_body
+    elsewhere = POSTS_M[1:5] + 0.9 * np.array(((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)))
+    verdicts = joint.observe(seen(np.vstack((recent, elsewhere))), np.full(7, int(MatchVerdict.NEW)), asks_for_two=True)
+    assert (verdicts[:3] >= 0).all()
+    assert (verdicts[3:] < 0).all()
+    assert math.hypot(joint.map_from_body.x_m - before.x_m, joint.map_from_body.y_m - before.y_m) < 0.05
 
 
 def test_a_landmark_that_may_be_the_feature_beside_it_is_not_missed() -> None:
