@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.measurements import FloatArray, Scan, ScanLike
+from drivers.measurements import FloatArray, IntArray, Scan, ScanLike
 from slam.front_end.alignment_kernels import EarlierScans, surface_normals
 from slam.front_end.alignment_search import Search
 from slam.front_end.deskew import Beams, Twist, deskew
@@ -66,8 +66,7 @@ class Alignment:
 
     refined: how many increments it has refined; found_widely: how many of them by the wide search, made last at
     searched_ns. laid: the beams of the latest scan where it was laid onto others, or is due to be laid onto keyframes
-    by what good wheels may be off by since the last one; else None. is_disputed: it contradicts the wheels, and neither
-    is clearly right.
+    for what good wheels add up to; else None. is_disputed: it contradicts the wheels, and neither is clearly right.
     """
 
     def __init__(self, settings: FrontEndSettings, body_from_laser: Pose2) -> None:
@@ -105,7 +104,8 @@ class Alignment:
                 if self._looks_unusual(now, increment):
                     increment = self._aligned(now, increment, only_if_slipped=True)
                 self._since_laid += np.nan_to_num(self._trust.scaled(increment.covariance))
-                if self.laid is None and not self.is_disputed and _off_m(self._since_laid) > NEED_AMONG_WALLS_M:
+                is_due = _off_m(self._since_laid) > NEED_AMONG_WALLS_M and not self.is_disputed
+                if self.laid is None and is_due and len(self._returned(now)) > 0:
                     self.laid = self._beams(now)
             if self.laid is not None:
                 self._since_laid[:] = 0.0
@@ -139,15 +139,14 @@ class Alignment:
     def _is_among_walls(self) -> bool:
         """Whether the scan before saw mostly surfaces."""
         before = self._past[-1]
-        returned = ~np.isnan(self._beams(before).ranges_m)
-        return bool((~np.isnan(self._normals(before)[:, 0])).sum() >= WALLS_SHARE * max(returned.sum(), 1))
+        returned = (~np.isnan(self._beams(before).ranges_m)).sum()
+        return bool((~np.isnan(self._normals(before)[:, 0])).sum() >= WALLS_SHARE * max(returned, 1))
 
     def _search(self, now: SeenFrom, past: list[SeenFrom]) -> Search | None:
         """The search for the motion that lays a scan onto earlier ones; None where there is too little to see."""
         past = [seen for seen in past if same_directions(seen.scan, now.scan)]
-        beams = self._beams(now)
-        returned = np.flatnonzero(~np.isnan(beams.ranges_m))
-        if not past or len(returned) < max(LEAST_POINTS, LEAST_VIEW_RAD / beams.spacing_rad):
+        beams, returned = self._beams(now), self._returned(now)
+        if not past or not len(returned):
             return None
         points = beams.points_m[returned[:: -(-len(returned) // MOST_POINTS)]]
         past_from_body = [
@@ -266,12 +265,16 @@ class Alignment:
         numbers = [1 + number * (number + 1) // 2 for number in range(PAST_SCANS)]
         return [self._past[-number] for number in numbers if number <= len(self._past)]
 
+    def _returned(self, seen: SeenFrom) -> IntArray:
+        """Numbers of the beams that came back; none where they are too few to lay the scan onto anything."""
+        beams = self._beams(seen)
+        returned = np.flatnonzero(~np.isnan(beams.ranges_m))
+        return returned if len(returned) >= max(LEAST_POINTS, LEAST_VIEW_RAD / beams.spacing_rad) else returned[:0]
+
     def _beams(self, seen: SeenFrom) -> Beams:
         if seen.beams is None:
-            settings = self._settings
-            seen.beams = deskew(
-                seen.scan, seen.twist, self._body_from_laser, settings.range_min_m, settings.range_max_m
-            )
+            limits = (self._settings.range_min_m, self._settings.range_max_m)
+            seen.beams = deskew(seen.scan, seen.twist, self._body_from_laser, *limits)
         return seen.beams
 
     def _normals(self, seen: SeenFrom) -> FloatArray:
@@ -283,7 +286,6 @@ class Alignment:
 
 
 def _off_m(covariance: FloatArray) -> float:
-    """What a motion with this covariance (3, 3) may be off by, seen from NEED_RANGE_M away."""
     variances = np.diag(covariance)
     return math.sqrt(variances[0] + variances[1]) + NEED_RANGE_M * math.sqrt(variances[2])
 
