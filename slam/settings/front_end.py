@@ -39,18 +39,18 @@ class FrontEndSettings(BaseModel):
         "between two beams, or the known error of the camera",
     )
     sigma_range_floor_m: float = Field(
-        default=0.01,
+        default=0.05,
         ge=0.0,
         le=5.0,
         description="Smallest standard deviation of a feature's range, for things that are not round or have no "
-        "sharp edge. Raise it among trees (0.7 in Victoria Park) and for coarse sensors",
+        "sharp edge. Raise it among trees (0.7 in Victoria Park)",
     )
     sigma_bearing_floor_rad: float = Field(
-        default=0.0005,
+        default=0.01,
         ge=0.0,
         le=0.5,
-        description="Smallest standard deviation of a feature's bearing. Take half the angle between two beams of "
-        "a coarse sensor",
+        description="Smallest standard deviation of a feature's bearing: from elsewhere, another part of a thing "
+        "is seen. Raise it among trees (0.03 in Victoria Park)",
     )
     range_min_m: float = Field(
         default=0.1,

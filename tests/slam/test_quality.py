@@ -245,4 +245,4 @@ def test_a_walker_near_a_turning_rover_makes_nobody_doubt_its_pose(seed: int, un
     for tick in simulated_ticks(settings, until_s):
         estimate = estimator.step(tick.stamp_ns, tick.scan, tick.wheels)
         assert estimate.quality is Quality.TRACKING
-        assert math.dist(estimate.map_from_body.as_array()[:2], tick.truth[:2]) < 0.03
+        assert math.dist(estimate.map_from_body.as_array()[:2], tick.truth[:2]) < 0.04

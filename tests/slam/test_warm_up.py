@@ -77,7 +77,9 @@ def test_a_drive_compiles_nothing_that_the_warm_up_has_not() -> None:
 
 def bearing_variance(beam_period_s: float) -> float:
     """Mean over the features of the last scan of the warm-up's drive, which moves."""
-    settings = warm_up_settings(SlamSettings(), "robust")
+    settings = warm_up_settings(
+        SlamSettings.model_validate({"front_end": {"sigma_bearing_floor_rad": 0.0005}}), "robust"
+    )
     estimator = Estimator(settings, 1)
     for stamp_ns, scan, wheels in warm_up_drive(settings):
         assert isinstance(scan, Scan)

@@ -134,7 +134,10 @@ def test_the_whole_configuration_of_a_run_of_before_is_read_and_nothing_of_it_is
     today = load_configuration(ROOT / "config" / "mock.toml")
     assert before.slam.odometry.jump_speed_mps == 40.0
     vehicle = before.vehicle.model_copy(update={"max_speed_mps": today.vehicle.max_speed_mps})
-    slam = before.slam.model_copy(update={"quality": today.slam.quality})  # the score was another measure then
+    floors = {name: getattr(today.slam.front_end, name) for name in ("sigma_range_floor_m", "sigma_bearing_floor_rad")}
+    front_end = before.slam.front_end.model_copy(update=floors)  # decision 43
+    # the score was another measure then
+    slam = before.slam.model_copy(update={"quality": today.slam.quality, "front_end": front_end})
     assert load_configuration_text(before.model_copy(update={"vehicle": vehicle, "slam": slam}).text) == today
 
 

@@ -34,7 +34,7 @@ def test_normal_estimation_has_every_technique_off_and_the_ablation_changes_one_
 
     assert not any(switches("normal"))
     assert [sum(switches(arm)) for arm in ablation_arms()] == [5] * 6 + [2, 2, 2, 2, 2, 1]
-    with pytest.raises(ValueError, match="no arm"):
+    with pytest.raises(ValueError, match="not an arm"):
         arm_settings("without luck")
 
 
