@@ -134,7 +134,7 @@ class Estimator:
         before = self._joint.map_from_body
         self._joint.predict(increment.mean, increment.covariance)
         laid = self._alignment.laid
-        if laid is not None and self._keyframes.constrain(laid) and measured is not by_wheels:  # else old errors too
+        if laid is not None and self._keyframes.constrain(laid) and not self._alignment.is_due:
             increment = replace(increment, mean=(before.inverse() @ self._joint.map_from_body).as_array())
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
         predicted = self._relocaliser.continuous(before @ increment.as_pose())

@@ -65,7 +65,7 @@ class Alignment:
     where too few of the scans are young enough to vote on the new one.
 
     refined: how many increments it has refined; found_widely: how many of them by the wide search, made last at
-    searched_ns. laid: the beams of the latest scan where it was laid onto others, or is due to be laid onto keyframes
+    searched_ns. laid: the beams of the latest scan where it was laid onto others, or is_due to be laid onto keyframes,
     for what good wheels add up to; else None. is_disputed: it contradicts the wheels, and neither is clearly right.
     """
 
@@ -79,7 +79,7 @@ class Alignment:
         self.searched_ns: int | None = None
         self.refined = self.found_widely = 0
         self.laid: Beams | None = None
-        self.is_disputed = False
+        self.is_disputed = self.is_due = False
         self._since_laid = np.zeros((3, 3))
 
     @property
@@ -92,7 +92,7 @@ class Alignment:
 
         Shown every scan once and in order. Raises ValueError when the bearings of a sparse scan do not increase.
         """
-        self.laid, self.is_disputed = None, False
+        self.laid, self.is_disputed, self.is_due = None, False, False
         if not self._settings.alignment.enabled or not isinstance(scan, Scan) or scan.ranges_m.size < 2:
             return increment
         twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
@@ -104,9 +104,9 @@ class Alignment:
                 if self._looks_unusual(now, increment):
                     increment = self._aligned(now, increment, only_if_slipped=True)
                 self._since_laid += np.nan_to_num(self._trust.scaled(increment.covariance))
-                is_due = _off_m(self._since_laid) > NEED_AMONG_WALLS_M and not self.is_disputed
-                if self.laid is None and is_due and len(self._returned(now)) > 0:
-                    self.laid = self._beams(now)
+                is_off = _off_m(self._since_laid) > NEED_AMONG_WALLS_M and not self.is_disputed
+                self.is_due = self.laid is None and is_off and len(self._returned(now)) > 0
+                self.laid = self._beams(now) if self.is_due else self.laid
             if self.laid is not None:
                 self._since_laid[:] = 0.0
         self._path_from_body = now.path_from_body = self._path_from_body @ increment.as_pose()

@@ -102,6 +102,7 @@ def test_good_wheels_that_add_up_are_laid_onto_keyframes_from_time_to_time(stops
         scan = replace(stops[0].scan, stamp_ns=number * 100_000_000)
         assert alignment.refine(scan, replace(SURE, mean=np.zeros(3))) is not None
         laid.append(alignment.laid is not None)
+        assert alignment.is_due == laid[-1]
     assert alignment.refined == 0
     assert 2 <= sum(laid) <= 5
 
