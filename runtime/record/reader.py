@@ -156,6 +156,7 @@ class RunReader:
         topics = None if self._tolerant else topics
         told = Manifest.load(self.folder.manifest_path).told()
         self._losses, self.known_losses, self._size_before, self._alike, self.cut_off = [], [], 0, ("", ""), False
+        self._ticks, self._last_stamp_ns = 0, None
         stamp_ns, expected, missing_ticks = 0, 1, 0  # missing_ticks: for which no gap has been given yet
         for index, path in enumerate(self._paths):
             ticks = 0
@@ -169,8 +170,9 @@ class RunReader:
                 yield encode_gap(Gap(stamp_ns, missing_ticks, 0, self._losses[-1]))
                 missing_ticks = 0
             for record in self._believable(file, topics) if not file.damage else ():
-                ticks += record.topic == "/tick"
                 stamp_ns = record.stamp_ns
+                if record.topic == "/tick":
+                    ticks, self._ticks, self._last_stamp_ns = ticks + 1, self._ticks + 1, stamp_ns
                 yield record
             if file.damage:
                 self.cut_off = file.cut_off and path == self._paths[-1] and path.name not in told.segments
@@ -264,13 +266,13 @@ class RunReader:
 
         Only one tick is held at a time. A tick is whole by construction: its records are never parted by a chunk.
         """
-        self._ticks, self._last_stamp_ns, self.gaps = 0, None, []
+        self.gaps = []
         current: RecordedTick | None = None
         scan: Record | None = None
         gaps: list[Gap] = []
         for record in self.records(OF_TICKS if raw_laser is None else WITH_RAW_LASER):
             if record.topic in ("/scan", "/tick") and current is not None:
-                yield self._counted(current)
+                yield current
                 current = None
             if record.topic == "/scan":
                 scan = record
@@ -287,14 +289,9 @@ class RunReader:
             elif raw_laser is not None and record.topic == "/raw/laser":
                 decoded(record, raw_laser, self.place)
         if current is not None:
-            yield self._counted(current)
+            yield current
 
     def _recorded_tick(self, record: Record, scan: Record | None, gaps: list[Gap]) -> RecordedTick:
         ranges_m = None if scan is None else decoded(scan, decode_ranges_m, self.place)
         tick = decoded(record, lambda data: decode_tick(data, ranges_m), self.place)
         return RecordedTick(tick, [record] if scan is None else [scan, record], gaps, self.place)
-
-    def _counted(self, recorded: RecordedTick) -> RecordedTick:
-        self._ticks += 1
-        self._last_stamp_ns = recorded.tick.stamp_ns
-        return recorded
