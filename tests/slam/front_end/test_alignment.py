@@ -95,16 +95,22 @@ def test_good_wheels_are_left_alone_where_scans_can_be_voted_on(stops: list[Stop
     assert alignment.refined == 0
 
 
-def test_good_wheels_that_add_up_are_laid_onto_keyframes_from_time_to_time(stops: list[Stop]) -> None:
-    """At 10 Hz no increment is ever off by much, and a lap of a building drifted by a degree all the same."""
-    alignment, laid = Alignment(settings_of(), MOUNT), []
+@pytest.mark.parametrize(("seen_rad", "least", "most"), [(6.0, 2, 5), (0.8, 0, 0)])
+def test_good_wheels_that_add_up_are_laid_onto_keyframes_where_enough_is_seen(
+    stops: list[Stop], seen_rad: float, least: int, most: int
+) -> None:
+    """At 10 Hz no increment is ever off by much, and a lap of a building drifted by a degree all the same. What fills
+    less of the view than a radian, as people in the open do, is laid onto nothing.
+    """
+    alignment, laid, before = Alignment(settings_of(), MOUNT), [], stops[0].scan
+    ranges = np.where(np.abs(before.bearings_rad - 0.6) < 0.5 * seen_rad, before.ranges_m, np.nan).astype(np.float32)
     for number in range(60):
-        scan = replace(stops[0].scan, stamp_ns=number * 100_000_000)
-        assert alignment.refine(scan, replace(SURE, mean=np.zeros(3))) is not None
+        scan = replace(before, stamp_ns=number * 100_000_000, ranges_m=ranges)
+        alignment.refine(scan, replace(SURE, mean=np.zeros(3)))
         laid.append(alignment.laid is not None)
         assert alignment.is_due == laid[-1]
     assert alignment.refined == 0
-    assert 2 <= sum(laid) <= 5
+    assert least <= sum(laid) <= most
 
 
 def test_wheels_that_may_err_by_more_than_things_lie_apart_are_corrected_at_any_rate() -> None:
