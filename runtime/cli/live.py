@@ -28,8 +28,8 @@ def run(
         float | None,
         typer.Option(
             min=0.1,
-            help="seconds for the whole run, start-up and closing included, but not the compiling of kernels; "
-            "a simulated rover takes 60 by default",
+            help="seconds for the whole run: loading, compiling the kernels if that is needed, and closing count too; "
+            "by default a simulated rover drives for 60, and a real one until Ctrl-C",
         ),
     ] = None,
     out: Out = None,
@@ -41,9 +41,9 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Run live: read the sensors, publish the pose, record everything. Ctrl-C ends the run and keeps everything."""
-    began_s = time.monotonic()
     from runtime.errors import SensorError, UsageError
     from runtime.live.clock import MonotonicClock
+    from runtime.live.deadline import Deadline, TimeIsOver, process_began_ns
     from runtime.live.run import Host, run_live
     from runtime.live.summary import silence, summary_lines
     from runtime.map_files.start import choose_start
@@ -65,25 +65,24 @@ def run(
     start = choose_start(map_, localise_only, start_at, configuration)
     for note in () if start is None else start.notes:
         typer.echo(f"infant: {note}", err=True)
-    stop, driven_s, is_over = stop_on_signals(), None, threading.Event()
-    if duration is None and configuration.simulation is not None:
+    stop, driven_s, deadline = stop_on_signals(), None, Deadline()
+    if duration is not None:
+        deadline = Deadline.after(duration, process_began_ns())
+    elif configuration.simulation is not None:
         driven_s = SIMULATED_DURATION_S
-
-    def limit(compiled_s: float) -> None:
-        """Compiling happens once after a change of the program: a user's seconds are not spent on it."""
-        if duration is not None:
-            ends_s = began_s + compiled_s + max(duration - CLOSING_S, 0.5 * duration)
-            stop_after(ends_s - time.monotonic(), stop, is_over)
-
     folder = RunFolder.create(out, Path(configuration.record.folder))
     manager = ServiceManager(os.environ.get("NOTIFY_SOCKET", ""))
-    host = Host(MonotonicClock(), stop, sys.stderr, manager, "NO_COLOR" not in os.environ, limit)
-    summary = run_live(configuration, folder, host, driven_s, start=start)
+    host = Host(MonotonicClock(), stop, sys.stderr, manager, "NO_COLOR" not in os.environ, deadline)
+    try:
+        summary = run_live(configuration, folder, host, driven_s, start=start)
+        if not summary["ticks"] and not stop.is_set():
+            raise TimeIsOver
+    except TimeIsOver as over:
+        folder.remove()
+        raise UsageError(f"--duration {duration:g}: was over before the first tick{over}; give more seconds") from None
     as_service = bool(os.environ.get("NOTIFY_SOCKET"))  # systemd would call a service that was stopped a failed one
     if not summary["ticks"]:
         folder.remove()
-        if is_over.is_set():
-            raise UsageError(f"--duration {duration:g}: was over before the first tick; give more seconds")
         if not as_service:
             raise UsageError("stopped before the first tick; nothing was recorded")
         return
@@ -96,27 +95,16 @@ def run(
 
 
 SIMULATED_DURATION_S = 60.0  # from the first tick on
-CLOSING_S = 2.0  # of --duration: the record and the picture are closed in it; 1.1 s were seen on a busy machine
 
 
 def stopping(duration_s: float | None) -> threading.Event:
     """Set by a signal, or when the time is over."""
     stop = stop_on_signals()
     if duration_s is not None:
-        stop_after(duration_s, stop)
+        timer = threading.Timer(duration_s, stop.set)
+        timer.daemon = True  # what ends earlier does not wait for it
+        timer.start()
     return stop
-
-
-def stop_after(duration_s: float, *events: threading.Event) -> None:
-    """Set the events when the time is over."""
-
-    def end() -> None:
-        for event in reversed(events):
-            event.set()
-
-    timer = threading.Timer(max(0.0, duration_s), end)
-    timer.daemon = True  # what ends earlier does not wait for it
-    timer.start()
 
 
 def stop_on_signals() -> threading.Event:

@@ -6,6 +6,7 @@ A child that dies or stalls costs the picture, which can be made again, and noth
 
 import contextlib
 import json
+import math
 import os
 import queue
 import subprocess
@@ -52,6 +53,8 @@ class ReviewProcess:
         self._trouble = ""
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the child
         self._renewing = False
+        self._path = path
+        self._latest_s = math.inf  # of time.monotonic
         self._command = [sys.executable, "-m", "runtime.review", str(path), what]
         self._child = self._begin()
         self._thread = threading.Thread(target=self._send, name="review", daemon=True)
@@ -82,10 +85,14 @@ class ReviewProcess:
         """Of the child."""
         return self._child.pid
 
+    def finish_by(self, latest_s: float) -> None:
+        """close() waits no longer than until this time of time.monotonic."""
+        self._latest_s = latest_s
+
     def close(self) -> None:
-        """Let the child finish its file while it gets on, at most a minute; else it is ended, the file not whole."""
+        """Let the child finish its file while it gets on, at most a minute; else it is ended, and its file removed."""
         self._queue.put(None)
-        self._thread.join(WRITE_S + (RENEW_S if self._renewing else 0.0))
+        self._thread.join(min(WRITE_S + (RENEW_S if self._renewing else 0.0), self._left_s()))
         if self._has_ended():
             if self._child.returncode and not self._trouble:
                 self._trouble = f"review.rrd is incomplete ({self._last_words()}); infant review draws it again"
@@ -93,6 +100,7 @@ class ReviewProcess:
             self._trouble = "review.rrd was not finished in time; infant review draws it again"
             self._child.kill()
             self._child.wait()
+            self._path.unlink(missing_ok=True)  # whoever looks for it gets a whole one, drawn again
         self._thread.join(WRITE_S)  # it ends with the child, and may have read the child's last words
         self._errors.close()
         if self._child.stdout is not None:
@@ -100,15 +108,19 @@ class ReviewProcess:
 
     def _has_ended(self) -> bool:
         """Wait for the child as long as it works: its processor time grows. False where it stalls or takes too long."""
-        latest_s = time.monotonic() + DRAW_S
-        while time.monotonic() < latest_s:
+        self._latest_s = min(time.monotonic() + DRAW_S, self._latest_s)
+        while self._left_s() > 0.0:
             worked = processor_ticks(self._child.pid)
             with contextlib.suppress(subprocess.TimeoutExpired):
-                self._child.wait(STALLED_S)
+                self._child.wait(min(STALLED_S, self._left_s()))
                 return True
             if processor_ticks(self._child.pid) == worked:
                 return False
-        return False
+        return self._child.poll() is not None
+
+    def _left_s(self) -> float:
+        """Seconds in which close() may wait."""
+        return max(0.0, self._latest_s - time.monotonic())
 
     def _begin(self) -> "subprocess.Popen[bytes]":
         return subprocess.Popen(

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
+from runtime.live.deadline import TimeIsOver
 from slam.estimator import Estimator
 from slam.kernel_cache import SOURCES, is_kept, use_compile_cache
 from slam.settings.slam import SlamSettings
@@ -21,6 +22,10 @@ COMPILE = (sys.executable, "-c", "from slam.estimator import Estimator; Estimato
 
 KERNEL = re.compile(r"^@(?:kernel|leaf|inlined)$", re.MULTILINE)  # nearly each leaves an index file in the cache
 POLL_S = 1.0
+STILL_COMPILING = (
+    ", while the kernels of the filter were being compiled: that happens once after each change of the program, "
+    "and 'infant warmup' does it beforehand"
+)
 
 
 def load_kernels(settings: SlamSettings, tell: Callable[[str], None], stop: threading.Event) -> float:
@@ -30,13 +35,17 @@ def load_kernels(settings: SlamSettings, tell: Callable[[str], None], stop: thre
     tell: told how far compiling is, where that is needed.
 
     Where the cache does not hold them a process of its own fills it: the compiler would leave 200 MB behind in this
-    one. Should that fail, they are compiled here.
+    one. Should that fail, they are compiled here. What is compiled when it is broken off is kept.
     """
     cache = use_compile_cache(os.environ)
     began_s = ready_s = time.monotonic()
     if is_kept(cache) and not _marker(cache).exists():
         with subprocess.Popen(COMPILE, start_new_session=True) as compiling:  # Ctrl-C is for us: we end it
-            _tell_progress(cache, compiling, tell, stop)
+            try:
+                _tell_progress(cache, compiling, tell, stop)
+            except TimeIsOver:
+                compiling.terminate()
+                raise TimeIsOver(STILL_COMPILING) from None
         ready_s = time.monotonic()
     if not stop.is_set():
         Estimator.warm_up(settings)

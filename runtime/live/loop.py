@@ -78,12 +78,10 @@ class Loop:
         self._period_ns = period_ns
         self._after_ns: dict[str, int] = {}
 
-    def run(
-        self, start_ns: int, stop: threading.Event, duration_ns: int | None, events: tuple[Event, ...] = ()
-    ) -> None:
+    def run(self, start_ns: int, stop: threading.Event, duration_ns: int, events: tuple[Event, ...] = ()) -> None:
         """Beat from start_ns until `stop` is set or the duration has passed; events: for the first tick."""
         seq, missed = 0, 0
-        while not stop.is_set() and (duration_ns is None or seq * self._period_ns < duration_ns):
+        while not stop.is_set() and seq * self._period_ns < duration_ns:
             beat_ns = start_ns + seq * self._period_ns
             self._clock.sleep_until(beat_ns)
             beat = Beat(seq, beat_ns, self._clock.now_ns() - beat_ns, missed)

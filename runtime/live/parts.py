@@ -49,6 +49,7 @@ class Parts:
     publisher: ZenohPublisher
     rover: SimulatedWorld | None
     threads: ThreadWatch
+    drawing: ReviewProcess | None = None
 
     def start(self) -> None:
         """Begin to connect; nothing waits for a sensor to answer."""
@@ -73,8 +74,12 @@ class Parts:
         """Where a simulated rover really is."""
         return self.rover.map_from_body(stamp_ns) if self.rover is not None else None
 
-    def close(self) -> None:
-        """Sensors first, then the sinks, so that everything that came in is written."""
+    def close(self, latest_ns: int) -> None:
+        """Sensors first, then the sinks, so that everything that came in is written; the picture is given up where it
+        takes longer than until latest_ns.
+        """
+        if self.drawing is not None:
+            self.drawing.finish_by(latest_ns * 1e-9)
         self.laser.close()
         self.encoders.close()
         for sink in self.sinks.values():
@@ -142,4 +147,4 @@ def _made_parts(
     around = not configuration.record.raw  # then still the two seconds before and after each error of the laser
     scanner = Hokuyo(laser, clock.now_ns, recorder, alive=heartbeats[0], raw_around_errors=around)
     wheels = CanEncoders(encoders, clock.now_ns, tap, alive=heartbeats[1])
-    return Parts(scanner, wheels, sinks, recorder, publisher, rover, threads)
+    return Parts(scanner, wheels, sinks, recorder, publisher, rover, threads, drawing)

@@ -2,13 +2,14 @@
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TextIO
 
 from drivers.measurements import Event, SensorState
 from runtime.health import Health, HealthMonitor, RunState
 from runtime.live.clock import Clock
+from runtime.live.deadline import NEVER_NS, Deadline
 from runtime.live.kernels import load_kernels
 from runtime.live.loop import Inputs, Loop, Outputs
 from runtime.live.parts import Parts, live_parts
@@ -29,17 +30,13 @@ SENSOR_POLL_S = 0.02
 LEAD_NS = 100_000_000  # from the last preparation to the first beat
 
 
-def nobody_asks(compiled_s: float) -> None:
-    """How long compiling took is of no use to most."""
-
-
 MakeParts = Callable[[Configuration, RunFolder, Clock], Parts]
 
 
 @dataclass(frozen=True, slots=True)
 class Host:
     """What a run gets from whoever starts it: time, the wish to stop, a stream for people and whether that may have
-    colours, the service manager. compiled: told the seconds that compiling took, once the kernels are loaded.
+    colours, the service manager. deadline: when all has to be over, on this clock.
     """
 
     clock: Clock
@@ -47,7 +44,7 @@ class Host:
     stream: TextIO
     manager: ServiceManager
     has_colours: bool = False
-    compiled: Callable[[float], None] = nobody_asks
+    deadline: Deadline = field(default_factory=Deadline)
 
 
 def run_live(
@@ -58,16 +55,21 @@ def run_live(
     make_parts: MakeParts | None = None,
     start: RunStart | None = None,
 ) -> dict[str, Any]:
-    """Run until `host.stop` or the duration, write everything, and return the summary (also kept as summary.json).
+    """Run until `host.stop`, the duration or the deadline, write everything, and return the summary (also kept as
+    summary.json).
 
-    start: the saved map that the run begins in; what it adds goes into a new one at the end.
+    duration_s: from the first tick on. start: the saved map that the run begins in; what it adds goes into a new one
+    at the end. Raises TimeIsOver where the deadline leaves no time for a first tick.
     """
-    parts = (make_parts or partial(live_parts, start=start))(configuration, folder, host.clock)
+    deadline = host.deadline
+    with deadline.interrupts(host.clock.now_ns()):
+        parts = (make_parts or partial(live_parts, start=start))(configuration, folder, host.clock)
     stages, errors = StageClock(host.clock), ErrorTrack()
     watch = Watch(host, parts, configuration.loop.rate_hz)
     try:
         events = watch.enter(RunState.STARTING)
-        host.compiled(load_kernels(configuration.slam, watch.line.announce, host.stop))
+        with deadline.interrupts(host.clock.now_ns()):
+            load_kernels(configuration.slam, watch.line.announce, host.stop)
         estimator = Estimator(configuration.slam, configuration.seed, stages.mark, start=for_estimator(start))
         loop = Loop(
             stages,
@@ -77,8 +79,9 @@ def run_live(
             round(1e9 / configuration.loop.rate_hz),
         )
         if not host.stop.is_set():
-            parts.start()
-            await_sensors(parts, READY_S, host.stop)
+            with deadline.interrupts(host.clock.now_ns()):
+                parts.start()
+                await_sensors(parts, READY_S, host.stop)
             watch.line.start()
             freeze_garbage()
             for refusal in enter_real_time(configuration.loop.priority):
@@ -88,15 +91,18 @@ def run_live(
             parts.start_world(start_ns)
             events += () if start is None else (start.event(start_ns),)
             host.manager.ready()
-            loop.run(start_ns, host.stop, None if duration_s is None else round(duration_s * 1e9), events)
+            driven_ns = NEVER_NS if duration_s is None else round(duration_s * 1e9)
+            loop.run(start_ns, host.stop, min(driven_ns, deadline.drive_until_ns - start_ns), events)
         summary = summarise(str(folder.path), loop.timekeeping, errors, parts.sensor_health())
     finally:
         host.manager.stopping()
         parts.recorder.put_events(host.clock.now_ns(), watch.enter(RunState.STOPPING))
         leave_real_time()
         watch.line.close()
-        parts.close()
+        parts.close(deadline.closed_by_ns)
         host.manager.close()
+    if parts.drawing is not None and (trouble := parts.drawing.health().trouble):
+        watch.line.write(f"infant: {trouble}\n")
     if start is not None:
         summary["map"] = end_in_map(estimator.joint_map(), start, configuration, folder)
     folder.write_summary(summary)

@@ -2,6 +2,7 @@
 
 import io
 import itertools
+import math
 import os
 import signal
 import subprocess
@@ -108,9 +109,16 @@ def test_a_deaf_child_costs_records_and_neither_feed_nor_close(tmp_path: Path, m
     assert "not finished" in process.health().trouble
 
 
-@pytest.mark.parametrize(("most_s", "trouble"), [(600.0, ""), (0.0, "review.rrd was not finished in time")])
+@pytest.mark.parametrize(
+    ("most_s", "latest_s", "trouble"),
+    [
+        (600.0, math.inf, ""),
+        (0.0, math.inf, "review.rrd was not finished in time"),
+        (600.0, 0.0, "review.rrd was not finished in time"),
+    ],
+)
 def test_a_slow_child_is_waited_for_while_it_works_and_within_bounds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_s: float, trouble: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most_s: float, latest_s: float, trouble: str
 ) -> None:
     """It takes a second to begin: many times what one gets that does nothing."""
     monkeypatch.setattr("runtime.live.drawing_process.DRAW_S", most_s)
@@ -121,9 +129,11 @@ def test_a_slow_child_is_waited_for_while_it_works_and_within_bounds(
     for tick in drive(10):
         for record in tick:
             process.feed(record)
+    process.finish_by(latest_s)
     process.close()
     assert process.health().trouble.startswith(trouble)
     assert bool(process.health().trouble) == bool(trouble)
+    assert (tmp_path / "review.rrd").exists() == (trouble == ""), "half a picture would be taken for a whole one"
 
 
 def test_work_of_a_process_is_counted_and_stands_still_while_it_is_stopped() -> None:

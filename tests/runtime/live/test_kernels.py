@@ -7,6 +7,7 @@ from typing import Self
 import pytest
 
 from runtime.live import kernels
+from runtime.live.deadline import TimeIsOver
 from slam.estimator import Estimator
 from slam.kernel_cache import sources_hash
 from slam.settings.slam import SlamSettings
@@ -95,3 +96,14 @@ def test_a_run_that_is_stopped_while_kernels_compile_ends_the_compiler_and_loads
     assert loaded == []
     kernels.load_kernels(SlamSettings(), print, GO_ON)
     assert len(loaded) == 1
+
+
+def test_a_run_whose_time_is_over_while_kernels_compile_ends_the_compiler_and_says_how_to_compile_beforehand(
+    compiled: list[object],
+) -> None:
+    def over(_progress: str) -> None:
+        raise TimeIsOver
+
+    with pytest.raises(TimeIsOver, match="'infant warmup' does it beforehand"):
+        kernels.load_kernels(SlamSettings(), over, GO_ON)
+    assert compiled == [kernels.COMPILE, "terminated"]

@@ -157,7 +157,7 @@ def test_the_loop_stops_when_told() -> None:
         Inputs(sensors, sensors),
         Outputs({"c": sink}, HealthMonitor(), watch),
         PERIOD_NS,
-    ).run(0, stop, None)
+    ).run(0, stop, 100 * PERIOD_NS)
     assert len(sink.ticks) == 5
 
 
