@@ -31,7 +31,7 @@ class LaserFault(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    kind: FaultKind
+    kind: FaultKind = Field(description="what goes wrong")
     start_s: float = Field(0.0, ge=0.0, le=86400.0, description="s after the device's start, or after injection")
     duration_s: float | None = Field(None, ge=0.001, le=86400.0, description="s; absent: until it is cleared")
     status: str = Field(

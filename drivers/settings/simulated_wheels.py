@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-FaultName = Literal[
+WheelFaultKind = Literal[
     "loss",
     "duplicate",
     "reorder",
@@ -36,7 +36,7 @@ class WheelFault(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    name: FaultName = Field(description="what goes wrong")
+    kind: WheelFaultKind = Field(description="what goes wrong")
     wheel: Literal["left", "right", "both"] = Field(default="left", description="whose frames")
     start_s: float = Field(default=0.0, ge=0.0, le=86400.0, description="seconds until it begins")
     duration_s: float = Field(default=0.0, ge=0.0, le=3600.0, description="seconds until it ends by itself; 0: never")
@@ -99,7 +99,7 @@ class SimulatedWheelSettings(BaseModel):
     )
     faults: tuple[WheelFault, ...] = Field(
         default=(),
-        description='Faults that come by themselves, such as `[{ name = "slip", wheel = "left", start_s = 10, '
+        description='Faults that come by themselves, such as `[{ kind = "slip", wheel = "left", start_s = 10, '
         "duration_s = 2, share = 0.3 }]`; `help` in `infant sim` lists them. Set it for a test that has to fail in the "
         "same way each time",
     )

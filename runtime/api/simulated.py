@@ -25,13 +25,12 @@ class Device(Protocol):
 class SimulatedDevice:
     """A device and its faults."""
 
-    def __init__(self, device: Device, name_key: str) -> None:
+    def __init__(self, device: Device) -> None:
         self._device = device
-        self._name_key = name_key
 
     def fail(self, fault: str, **parameters: Any) -> None:
         """Begin a fault, as typed at `infant sim`: fail("silence", duration_s=2). Raises pydantic.ValidationError."""
-        self._device.inject({self._name_key: fault, **parameters})
+        self._device.inject({"kind": fault, **parameters})
 
     def recover(self) -> None:
         """End all faults."""
@@ -42,7 +41,7 @@ class SimulatedLaser(SimulatedDevice):
     """Speaks SCIP 2; url: where, as a driver takes it."""
 
     def __init__(self, device: LaserDevice) -> None:
-        super().__init__(device, "kind")
+        super().__init__(device)
         self.url = device.url
 
 
@@ -50,7 +49,7 @@ class SimulatedWheels(SimulatedDevice):
     """Speak CAN; bus: where, as python-can takes it."""
 
     def __init__(self, node: WheelNode, bus: BusSettings) -> None:
-        super().__init__(node, "name")
+        super().__init__(node)
         self.bus = bus
 
 

@@ -55,9 +55,7 @@ MOVED: dict[str, Moved] = {
 """In the order in which they count: what comes later is told as ignored where it contradicts."""
 
 CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
-    "slam/estimator.py": {
-        "slam.map_every": (10, "MAP_EVERY"),
-    },
+    "slam/estimator.py": {"slam.map_every": (10, "MAP_EVERY")},
     "slam/front_end/alignment.py": {
         "slam.front_end.alignment.scans": (5, "PAST_SCANS"),
         "slam.front_end.alignment.points": (200, "MOST_POINTS"),
@@ -99,9 +97,7 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
         "slam.front_end.feature_tolerance_m": (0.08, "FEATURE_TOLERANCE_M"),
         "slam.front_end.difference_m": (0.1, "DIFFERENCE_M"),
     },
-    "slam/front_end/spacing.py": {
-        "slam.front_end.spacing_m": (0.1, "SPACING_M"),
-    },
+    "slam/front_end/spacing.py": {"slam.front_end.spacing_m": (0.1, "SPACING_M")},
     "slam/front_end/trunks.py": {
         "slam.front_end.gap_m": (0.1, "GAP_M"),
         "slam.front_end.gap_beams": (3.0, "GAP_BEAMS"),
@@ -173,9 +169,7 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
         "laser.connect_timeout_s": (1.0, "CONNECT_TIMEOUT_S"),
         "laser.reboot_interval_s": (5.0, "REBOOT_INTERVAL_S"),
     },
-    "drivers/laser/handshake.py": {
-        "laser.reply_timeout_s": (0.5, "REPLY_TIMEOUT_S"),
-    },
+    "drivers/laser/handshake.py": {"laser.reply_timeout_s": (0.5, "REPLY_TIMEOUT_S")},
     "drivers/laser/hokuyo.py": {
         "laser.drift_max_ppm": (200.0, "DRIFT_MAX_PPM"),
         "laser.stale_after_s": (0.35, "STALE_AFTER_S"),
@@ -183,47 +177,29 @@ CONSTANTS: dict[str, dict[str, tuple[Any, str]]] = {
         "laser.retry_min_s": (0.1, "RETRY_MIN_S"),
         "laser.retry_max_s": (0.5, "RETRY_MAX_S"),
     },
-    "drivers/laser/scans.py": {
-        "laser.frozen_scans": (10, "FROZEN_SCANS"),
-    },
-    "drivers/laser/time_adjustment.py": {
-        "laser.time_sync_samples": (50, "TIME_SYNC_SAMPLES"),
-    },
+    "drivers/laser/scans.py": {"laser.frozen_scans": (10, "FROZEN_SCANS")},
+    "drivers/laser/time_adjustment.py": {"laser.time_sync_samples": (50, "TIME_SYNC_SAMPLES")},
     "drivers/wheels/encoders.py": {
         "encoders.bus.silence_s": (0.5, "SILENCE_S"),
         "encoders.bus.backoff_min_s": (0.1, "BACKOFF_MIN_S"),
         "encoders.bus.backoff_max_s": (0.5, "BACKOFF_MAX_S"),
     },
-    "drivers/wheels/layouts/cia406.py": {
-        "encoders.layout.start_nodes": (True, "START_NODES"),
-    },
+    "drivers/wheels/layouts/cia406.py": {"encoders.layout.start_nodes": (True, "START_NODES")},
     "drivers/settings/encoders.py": {
         "encoders.degraded_periods": (3.0, "DEGRADED_PERIODS"),
         "encoders.silent_periods": (10.0, "SILENT_PERIODS"),
     },
-    "drivers/wheels/state.py": {
-        "encoders.stuck_travel_m": (0.5, "STUCK_TRAVEL_M"),
-    },
-    "runtime/live/run.py": {
-        "loop.ready_s": (5.0, "READY_S"),
-    },
-    "runtime/publish/publisher.py": {
-        "publish.queue": (20, "QUEUE"),
-    },
-    "runtime/publish/session.py": {
-        "publish.lease_ms": (3000, "LEASE_MS"),
-    },
+    "drivers/wheels/state.py": {"encoders.stuck_travel_m": (0.5, "STUCK_TRAVEL_M")},
+    "runtime/live/run.py": {"loop.ready_s": (5.0, "READY_S")},
+    "runtime/publish/publisher.py": {"publish.queue": (20, "QUEUE")},
+    "runtime/publish/session.py": {"publish.lease_ms": (3000, "LEASE_MS")},
     "runtime/publish/topics.py": {
         "publish.status_hz": (1.0, "STATUS_HZ"),
         "publish.scan_beam_step": (3, "SCAN_BEAM_STEP"),
         "publish.landmarks_hz": (1.0, "SLOW_HZ"),
     },
-    "runtime/live/drawing_process.py": {
-        "review.queue": (4000, "QUEUE"),
-    },
-    "runtime/review/columns.py": {
-        "review.sigmas": (2.0, "SIGMAS"),
-    },
+    "runtime/live/drawing_process.py": {"review.queue": (4000, "QUEUE")},
+    "runtime/review/columns.py": {"review.sigmas": (2.0, "SIGMAS")},
     "runtime/review/writer.py": {"review.trace_every": (10, "TRACE_EVERY"), "review.batch_ticks": (10, "BATCH_TICKS")},
 }
 """By file: the key, the constant that it became, and that constant's name there."""
@@ -250,8 +226,13 @@ PLACES: dict[str, tuple[Any, str]] = {
 }
 
 
+WHEEL_FAULTS = "simulation.wheels.faults"  # whose kind was called name, unlike that of the laser's faults
+
+
 def refusals(tree: Tree) -> Iterator[str]:
     """One sentence for every key of a file that is no longer a setting."""
+    if any("name" in fault for fault in _wheel_faults(tree)):
+        yield f"{WHEEL_FAULTS}.name: is no longer a setting; give {WHEEL_FAULTS}.kind instead"
     for key, (value, place) in PLACES.items():
         if value_at(tree, key) is not MISSING:
             yield f"{key}: is no longer a setting (it is {value}, see {place}); remove the line"
@@ -266,6 +247,9 @@ def refusals(tree: Tree) -> Iterator[str]:
 def translated(tree: Tree) -> tuple[Tree, list[str]]:
     """The configuration of a recorded run in the keys of today, and what of it is ignored: one phrase for each key."""
     tree, ignored = copy_of(tree), []
+    if faults := _wheel_faults(tree):
+        renamed = [{"kind" if key == "name" else key: value for key, value in fault.items()} for fault in faults]
+        put(tree, WHEEL_FAULTS, renamed)
     for key, moved in MOVED.items():
         old = take(tree, key)
         if old is MISSING:
@@ -290,6 +274,11 @@ def translated(tree: Tree) -> tuple[Tree, list[str]]:
     if value_at(tree, "encoders.layout.file") in DELIVERED:
         take(tree, "encoders.layout.file")  # the default of today, by the name that it had
     return tree, ignored
+
+
+def _wheel_faults(tree: Tree) -> list[dict[str, Any]]:
+    faults = value_at(tree, WHEEL_FAULTS)
+    return [fault for fault in faults if isinstance(fault, dict)] if isinstance(faults, list) else []
 
 
 def ignored_settings(text: str) -> list[str]:

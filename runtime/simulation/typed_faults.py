@@ -14,11 +14,7 @@ from runtime.errors import UsageError
 from runtime.expected_value import expected_value
 
 EXAMPLES = "for example 'laser silence duration_s=2', 'wheels slip share=0.3', 'world kidnap' or 'clear laser'"
-FAULTS: dict[str, tuple[type[BaseModel], str]] = {
-    "laser": (LaserFault, "kind"),
-    "wheels": (WheelFault, "name"),
-    "world": (KidnapSettings, "kind"),
-}
+FAULTS: dict[str, type[BaseModel]] = {"laser": LaserFault, "wheels": WheelFault, "world": KidnapSettings}
 
 
 class Device(Protocol):
@@ -61,8 +57,8 @@ def obey(line: str, devices: Mapping[str, Device]) -> str:
     if len(words) < 2:
         raise UsageError(f"{line.strip()}: not understood; type a device and a fault, {EXAMPLES}")
     device = _known(words[0], devices)
-    model, name = FAULTS[words[0]]
-    fields = {name: words[1]} | dict(_key_value(word) for word in words[2:])
+    model = FAULTS[words[0]]
+    fields = {"kind": words[1]} | dict(_key_value(word) for word in words[2:])
     try:
         device.inject(model.model_validate(fields))
     except ValidationError as error:
@@ -76,11 +72,11 @@ def fault_lines(devices: Iterable[str]) -> list[str]:
     """Every fault of these devices, and the parameters that a fault can have with their defaults."""
     lines = []
     for device in devices:
-        model, name = FAULTS[device]
-        annotation: Any = model.model_fields[name].annotation
+        model = FAULTS[device]
+        annotation: Any = model.model_fields["kind"].annotation
         faults = [str(each) for each in (get_args(annotation) or annotation)]
         lines.append(f"{device} FAULT [KEY=VALUE]...   FAULT: {', '.join(faults)}")
-        parameters = ((key, field) for key, field in model.model_fields.items() if key != name)
+        parameters = ((key, field) for key, field in model.model_fields.items() if key != "kind")
         lines += [f"    {key}={field.default}  {field.description}" for key, field in parameters]
         lines.append(f"clear {device}   end all of its faults")
     return lines
@@ -102,6 +98,6 @@ def _key_value(word: str) -> tuple[str, str]:
 def _sentence(device: str, problem: Any) -> str:
     key = ".".join(str(part) for part in problem["loc"])
     if problem["type"] == "extra_forbidden":
-        known = ", ".join(FAULTS[device][0].model_fields)
+        known = ", ".join(FAULTS[device].model_fields)
         return f"{device} {key}={problem['input']!r}: unknown key; keys of a fault are {known}"
     return f"{device} {key}={problem['input']!r}: expected {expected_value(problem)}"

@@ -63,7 +63,7 @@ class EncoderNodes:
         self._active = [active for active in self._active if not active.is_over(stamp_ns)]
         extra = self._end(over, stamp_ns)
         on = [active for active in self._active if active.has_begun(stamp_ns)]
-        names = {active.fault.name for active in on if active.affects(wheel)}
+        names = {active.fault.kind for active in on if active.affects(wheel)}
         values = self._values_of(wheel, stamp_ns, travel_m, [active.fault for active in on if active.affects(wheel)])
         if "power_cycle" in names:
             return extra
@@ -78,9 +78,9 @@ class EncoderNodes:
         if self._spoken.gear is not None and wheel is Wheel.RIGHT:
             frames.insert(0, self._spoken.gear.encode(all(self._backward.values()), stamp_ns))
         for active in on:
-            error = error_frame(active.fault.name, stamp_ns)
+            error = error_frame(active.fault.kind, stamp_ns)
             if error is not None:
-                frames = [error] * (ERROR_FRAMES_PER_BEAT if active.fault.name == "error_flood" else 1)
+                frames = [error] * (ERROR_FRAMES_PER_BEAT if active.fault.kind == "error_flood" else 1)
         return extra + frames
 
     def info(self, wheel: Wheel, stamp_ns: int) -> list[CanFrame]:
@@ -89,9 +89,9 @@ class EncoderNodes:
         for active in self._active:
             if not active.affects(wheel) or not active.has_begun(stamp_ns):
                 continue
-            if active.fault.name in ("power_cycle", "silence", "silence_all", "bus_off", "error_flood"):
+            if active.fault.kind in ("power_cycle", "silence", "silence_all", "bus_off", "error_flood"):
                 return []
-            if active.fault.name == "wrong_counts_per_rev":
+            if active.fault.kind == "wrong_counts_per_rev":
                 counts_per_rev = active.fault.value
         return self._nodes[wheel].slow(stamp_ns, counts_per_rev)
 
@@ -102,10 +102,10 @@ class EncoderNodes:
     def _end(self, ended: list[ActiveFault], now_ns: int) -> list[CanFrame]:
         frames = []
         for active in ended:
-            if active.fault.name == "bus_off":
+            if active.fault.kind == "bus_off":
                 frames.append(restarted_frame(now_ns))
             for wheel, node in self._nodes.items():
-                if active.fault.name == "power_cycle" and active.affects(wheel):
+                if active.fault.kind == "power_cycle" and active.affects(wheel):
                     frames += node.reboot(now_ns, self._travel_m[wheel])
         return frames
 
@@ -113,10 +113,10 @@ class EncoderNodes:
         """What this wheel's node says, with those of its faults that are its own."""
         self._backward[wheel] = travel_m < self._travel_m[wheel]
         self._travel_m[wheel] = travel_m
-        status = next((fault.value for fault in faults if fault.name == "status"), 0)
-        jump = round(sum(fault.magnitude for fault in faults if fault.name == "jump"))
-        slip = sum(fault.share for fault in faults if fault.name == "slip")
-        names: set[str] = {fault.name for fault in faults}
+        status = next((fault.value for fault in faults if fault.kind == "status"), 0)
+        jump = round(sum(fault.magnitude for fault in faults if fault.kind == "jump"))
+        slip = sum(fault.share for fault in faults if fault.kind == "slip")
+        names: set[str] = {fault.kind for fault in faults}
         return self._nodes[wheel].feedback(stamp_ns, travel_m, names, jump, status, slip)
 
     def _double(self, wheel: Wheel, stamp_ns: int, travel_m: float, active: ActiveFault) -> CanFrame:

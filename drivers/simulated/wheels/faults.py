@@ -38,7 +38,7 @@ class ActiveFault:
 
     def affects(self, wheel: Wheel) -> bool:
         """True where this wheel's frames are meant; what silences the bus silences both."""
-        return self.fault.name in SILENCING or self.fault.wheel in ("both", wheel.value)
+        return self.fault.kind in SILENCING or self.fault.wheel in ("both", wheel.value)
 
 
 def with_fault(
@@ -50,7 +50,7 @@ def with_fault(
 ) -> list[CanFrame]:
     """The frames of one wheel and one beat as they arrive. second: a frame of the other node under the same id;
     crc_byte: place of the checksum."""
-    name = active.fault.name
+    name = active.fault.kind
     if name in SILENCING or name == "silence":
         return []
     if name == "second_sender":

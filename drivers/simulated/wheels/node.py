@@ -70,7 +70,7 @@ class WheelNode:
         if not isinstance(fault, WheelFault):
             fault = WheelFault.model_validate(fault)
         with self._lock:
-            if fault.name == "burst":
+            if fault.kind == "burst":
                 self._burst = round(fault.magnitude)
             else:
                 self._nodes.inject(fault, self._now_ns())

@@ -42,10 +42,10 @@ class SpokenLayout:
 
     def check(self, fault: WheelFault) -> None:
         """Raise DriverError for a fault that these nodes have no signal to show."""
-        signal = NEEDED.get(fault.name, "")
+        signal = NEEDED.get(fault.kind, "")
         if signal and not all(getattr(each, signal) for each in self.signals.values()):
             raise DriverError(
-                f"wheels {fault.name}: the layout of these wheels has no {signal} signal; choose another fault"
+                f"wheels {fault.kind}: the layout of these wheels has no {signal} signal; choose another fault"
             )
 
 

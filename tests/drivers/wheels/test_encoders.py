@@ -190,13 +190,13 @@ def test_udp_multicast_needs_no_network_but_the_loopback() -> None:
 @pytest.mark.parametrize(
     ("fault", "counter"),
     [
-        ({"name": "silence", "wheel": "right"}, "right.lost"),
-        ({"name": "silence_all", "wheel": "both"}, "bus.silent"),
-        ({"name": "bad_crc"}, "left.crc"),
-        ({"name": "bus_off", "wheel": "both"}, "bus.bus_off"),
-        ({"name": "error_flood", "wheel": "both"}, "bus.bus_error"),
-        ({"name": "power_cycle"}, "left.power_cycle"),
-        ({"name": "second_sender", "value": 9}, "left.two_senders"),
+        ({"kind": "silence", "wheel": "right"}, "right.lost"),
+        ({"kind": "silence_all", "wheel": "both"}, "bus.silent"),
+        ({"kind": "bad_crc"}, "left.crc"),
+        ({"kind": "bus_off", "wheel": "both"}, "bus.bus_off"),
+        ({"kind": "error_flood", "wheel": "both"}, "bus.bus_error"),
+        ({"kind": "power_cycle"}, "left.power_cycle"),
+        ({"kind": "second_sender", "value": 9}, "left.two_senders"),
     ],
 )
 def test_a_fault_while_running_fails_the_sensor_and_it_is_back_after_its_end(
@@ -205,7 +205,7 @@ def test_a_fault_while_running_fails_the_sensor_and_it_is_back_after_its_end(
     with pair_on(virtual_bus()) as (node, listener):
         assert wait_until(listener.fresh)
         node.inject(fault)
-        seconds = 0.75 if fault["name"] == "silence_all" else 0.45
+        seconds = 0.75 if fault["kind"] == "silence_all" else 0.45
         began = time.monotonic()
         assert wait_until(lambda: listener.encoders.health().state is SensorState.FAILED)
         assert wait_until(lambda: listener.hear() and time.monotonic() - began > seconds)
@@ -236,7 +236,7 @@ def test_a_burst_of_three_thousand_frames_loses_nothing(monkeypatch: pytest.Monk
     tap = Tap()
     with pair_on(BusSettings(), tap) as (node, listener):
         assert wait_until(listener.fresh)
-        node.inject({"name": "burst", "magnitude": 3000})
+        node.inject({"kind": "burst", "magnitude": 3000})
         assert wait_until(lambda: node.frames_sent > 3000)
         mark = node.frames_sent
         assert wait_until(lambda: listener.hear() and node.frames_sent > mark + 40)

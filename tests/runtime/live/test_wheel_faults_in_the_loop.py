@@ -59,7 +59,7 @@ def strike(run: LiveRun, name: str, within_s: float = 600.0) -> float:
     while True:
         await_wheels(run, SensorState.FRESH, within_s)
         counted = wheels_counted(run, counters)
-        run.rover.inject("wheels", {"name": name, **values})
+        run.rover.inject("wheels", {"kind": name, **values})
         end_s = time.monotonic() + float(values["duration_s"])
         if state is not None:
             await_wheels(run, state, within_s)

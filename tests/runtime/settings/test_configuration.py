@@ -104,7 +104,7 @@ def test_a_file_can_say_where_a_simulated_rover_drives_and_when_what_fails() -> 
         [simulation.laser]
         faults = [{ kind = "silence", start_s = 4, duration_s = 1 }]
         [simulation.wheels]
-        faults = [{ name = "slip", start_s = 6, duration_s = 2, share = 0.5 }]
+        faults = [{ kind = "slip", start_s = 6, duration_s = 2, share = 0.5 }]
     """
     read = load_configuration_text(text, recorded=False)
     again = load_configuration_text(read.text)

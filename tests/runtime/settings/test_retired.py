@@ -64,6 +64,20 @@ def test_a_file_with_a_key_that_moved_is_told_the_new_one(key: str, tmp_path: Pa
         load_configuration_text("", {key: "1"})
 
 
+NAMED_FAULT = '[simulation.wheels]\nfaults = [{ name = "slip", share = 0.5 }]\n'
+
+
+def test_the_kind_of_a_fault_of_the_wheels_is_no_longer_called_its_name(tmp_path: Path) -> None:
+    (tmp_path / "rover.toml").write_text(NAMED_FAULT)
+    with pytest.raises(
+        ConfigurationError, match=r"wheels\.faults\.name: is no longer a setting; give .*\.faults\.kind"
+    ):
+        load_configuration(tmp_path / "rover.toml")
+    recorded = load_configuration_text(NAMED_FAULT)
+    assert recorded.simulation is not None
+    assert [(fault.kind, fault.share) for fault in recorded.simulation.wheels.faults] == [("slip", 0.5)]
+
+
 @pytest.mark.parametrize("key", ["slam.odometry.jump_speed_mps", "encoders.vehicle"])
 def test_what_is_handed_on_from_the_vehicle_is_no_key(key: str) -> None:
     for recorded in (True, False):

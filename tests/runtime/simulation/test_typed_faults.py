@@ -35,7 +35,7 @@ def test_a_line_becomes_a_fault_of_the_device_and_clear_ends_it() -> None:
     obey("laser status status=60 duration_s=2", devices)
     obey("wheels loss wheel=both probability=0.5", devices)
     assert laser.faults == [LaserFault(kind=FaultKind.STATUS, status="60", duration_s=2.0)]
-    assert wheels.faults == [WheelFault(name="loss", wheel="both", probability=0.5)]
+    assert wheels.faults == [WheelFault(kind="loss", wheel="both", probability=0.5)]
     obey("clear laser", devices)
     assert laser.faults == []
 
@@ -58,7 +58,7 @@ def test_a_line_that_cannot_be_obeyed_is_answered_by_one_sentence(line: str, nam
 
 def test_help_lists_every_fault_and_its_parameters_with_defaults() -> None:
     text = obey("help", {"laser": Recorded(), "wheels": Recorded()})
-    for fault in (*FaultKind, *get_args(WheelFault.model_fields["name"].annotation)):
+    for fault in (*FaultKind, *get_args(WheelFault.model_fields["kind"].annotation)):
         assert f"{fault}" in text
     assert "    wheel=left  whose frames" in text
     assert "    duration_s=0.0  seconds until it ends by itself; 0: never" in text

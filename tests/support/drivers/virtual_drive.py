@@ -84,7 +84,7 @@ class VirtualDrive:
                 self.pair.feed(frame)
 
     def inject(self, name: str, values: dict[str, Any]) -> None:
-        fault = WheelFault.model_validate({"name": name, **values})
+        fault = WheelFault.model_validate({"kind": name, **values})
         self.nodes.inject(fault, self.now_ns)
 
     def clear(self) -> None:

@@ -98,11 +98,11 @@ def test_a_power_cycle_begins_at_zero_with_the_next_boot_id_and_a_fresh_uptime()
 def fault(name: str, **values: object):  # type: ignore[no-untyped-def]
     from drivers.settings.simulated_wheels import WheelFault
 
-    return WheelFault.model_validate({"name": name, **values})
+    return WheelFault.model_validate({"kind": name, **values})
 
 
 def test_faults_from_the_configuration_are_on_from_the_start_and_end_by_themselves() -> None:
-    pair = nodes(faults=[{"name": "silence", "wheel": "left", "duration_s": 0.05}])
+    pair = nodes(faults=[{"kind": "silence", "wheel": "left", "duration_s": 0.05}])
     sent = [bool(pair.beat(Wheel.LEFT, beat * 20_000_000, 0.0)) for beat in range(6)]
     assert sent == [False, False, False, True, True, True]
     assert pair.beat(Wheel.RIGHT, 0, 0.0)
@@ -113,7 +113,7 @@ def test_a_misspelt_fault_is_refused_by_name() -> None:
     rng = np.random.default_rng(1)
     node = WheelNode(SimulatedWheelSettings(), encoders, lambda _: (0.0, 0.0), time.monotonic_ns, rng)
     with pytest.raises(ValidationError, match="silense"):
-        node.inject({"name": "silense"})
+        node.inject({"kind": "silense"})
 
 
 def test_the_same_seed_sends_the_same_bytes() -> None:

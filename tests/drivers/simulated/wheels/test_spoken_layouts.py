@@ -86,7 +86,7 @@ def test_a_canopen_node_tells_that_it_lives_and_that_it_has_booted() -> None:
     encoders = EncoderSettings(layout=LAYOUTS["cia406"])
     nodes = EncoderNodes(SimulatedWheelSettings(), encoders, 0, np.random.default_rng(1))
     assert nodes.info(Wheel.LEFT, 7) == [CanFrame(7, 0x705, b"\x05")]
-    nodes.inject(WheelFault(name="power_cycle", duration_s=0.1), 0)
+    nodes.inject(WheelFault(kind="power_cycle", duration_s=0.1), 0)
     nodes.beat(Wheel.LEFT, 20_000_000, 0.0)
     boot_up, position = nodes.beat(Wheel.LEFT, 200_000_000, 0.0)
     assert (boot_up.arbitration_id, boot_up.data) == (0x705, b"\x00")
@@ -97,11 +97,11 @@ def test_a_canopen_node_tells_that_it_lives_and_that_it_has_booted() -> None:
 def test_a_fault_that_a_layout_has_no_signal_for_is_refused_by_name(fault: str) -> None:
     nodes = EncoderNodes(SimulatedWheelSettings(), EncoderSettings(layout=LAYOUTS["vesc"]), 0, np.random.default_rng(1))
     with pytest.raises(DriverError, match=f"{fault}.*choose another fault"):
-        nodes.inject(WheelFault.model_validate({"name": fault}), 0)
+        nodes.inject(WheelFault.model_validate({"kind": fault}), 0)
 
 
 def test_a_fault_begins_at_its_time_and_slip_turns_the_wheel_farther_than_the_rover() -> None:
-    faults = (WheelFault(name="slip", share=0.5, start_s=1.0, duration_s=1.0),)
+    faults = (WheelFault(kind="slip", share=0.5, start_s=1.0, duration_s=1.0),)
     nodes = EncoderNodes(
         SimulatedWheelSettings(faults=faults, slip_std_per_m=0.0), EncoderSettings(), 0, np.random.default_rng(1)
     )
