@@ -135,7 +135,7 @@ def sim(
     ] = None,
     record: Annotated[
         Path | None,
-        typer.Option("--record", metavar="DIR", help="keep what was sent; infant import reads each file of it"),
+        typer.Option("--record", metavar="DIR", help="keep what was sent; infant import DIR makes a run of it"),
     ] = None,
 ) -> None:
     """Run only the simulated devices, for any SCIP or CAN client to connect to, until Ctrl-C.

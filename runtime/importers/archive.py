@@ -34,7 +34,7 @@ class Archive:
     """Arrays by name; those that a set does not have are absent. meta: its description.
 
     left_out: what its reader could not use. laser_latency_s: taken off the stamps of what was seen. raw: of a capture
-    of one sensor's wire, its bytes as records with stamps since the set's start; None for other sets.
+    of wires, its bytes as records with stamps since the set's start, which it is told; None for other sets.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Archive:
     meta: dict[str, Any]
     left_out: LeftOut = field(default_factory=LeftOut)
     laser_latency_s: float = 0.0
-    raw: Callable[[], Iterator[Record]] | None = None
+    raw: Callable[[int], Iterator[Record]] | None = None
 
     def __contains__(self, name: str) -> bool:
         return name in self.arrays

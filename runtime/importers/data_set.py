@@ -34,6 +34,7 @@ BY_FORMAT = {
     "bag ": "carmen.toml",
     "scip ": "rover.toml",
     "candump ": "rover.toml",
+    "wires ": "rover.toml",
 }  # beginning of a name by its reader: what describes any of them
 NEAREST = {
     "pose": "carmen.toml",
@@ -89,7 +90,7 @@ def import_data_set(
     spacing_ns = SLOW_SPACING_NS if wheels and isinstance(wheels[0], OdometryPose) else FAST_SPACING_NS
     count = sightings = last_ns = 0
     with folder.gone_if_interrupted():
-        raw = archive.raw() if archive.raw is not None else iter(())
+        raw = archive.raw(round(archive.start_s * 1e9)) if archive.raw is not None else iter(())
         waiting = next(raw, None)
         for tick in ticks(scans, wheels, spacing_ns):
             while waiting is not None and waiting.stamp_ns <= tick.stamp_ns:
@@ -194,7 +195,7 @@ def _inputs(
         wheels = []
         if seen_ns:
             archive.left_out.warnings.append(
-                "the capture comes from the laser alone, so the estimator knows nothing about the motion; "
+                "the capture holds scans and no wheel sample, so the estimator knows nothing about the motion; "
                 "give --at-rest if it stood still all the time"
             )
     return itertools.chain(() if first is None else (first,), scans), wheels

@@ -11,7 +11,7 @@ from runtime.importers.parsing.candump_lines import candump_line
 from runtime.importers.parsing.scip_capture import is_scip
 from runtime.importers.parsing.text_lines import TextLines
 from runtime.importers.rosbag import Topics, load_rosbag
-from runtime.importers.wire_captures import load_candump, load_scip
+from runtime.importers.wire_captures import joined, load_candump, load_scip
 from runtime.settings.configuration import load_configuration
 from runtime.source_tree import CONFIG
 
@@ -20,7 +20,7 @@ HEAD_BYTES = 4096
 ZIP = b"PK\x03\x04"
 SOURCES = (
     "a folder or .npz of arrays, a bag of ROS 1 or 2 (.bag, .mcap, .db3, or its folder), a CARMEN log, a candump log "
-    "(both also .gz), a capture of SCIP bytes"
+    "(both also .gz), a capture of SCIP bytes, or a folder with such a log and such a capture"
 )
 
 
@@ -47,6 +47,8 @@ def _load(source: Path, topics: Topics, config: Path | None) -> Archive:
         raise UsageError(
             f"--scan-topic and --odom-topic choose a topic of a ROS bag, which {source} is not: leave them out"
         )
+    if source.is_dir() and (wires := _wires(source, config)) is not None:
+        return wires
     if source.is_dir() or source.suffix == ".npz" or head.startswith(ZIP):
         return load_archive(source)
     if is_scip(head):
@@ -55,15 +57,34 @@ def _load(source: Path, topics: Topics, config: Path | None) -> Archive:
     if first in WORDS:
         return load_carmen(source)
     if first:
-        path = config if config is not None else CONFIG / "rover.toml"
-        encoders = load_configuration(path).encoders
-        if encoders is None:
-            raise DataSetError(
-                f"{path} has no table [encoders] that says which frames of {source.name} belong to the "
-                "wheels; add it, or start from config/rover.toml"
-            )
-        return load_candump(source, encoders)
+        return _candump(source, config)
     raise DataSetError(f"{source} is none of the recordings that can be read: {SOURCES}; see docs/data_sets.md")
+
+
+def _candump(source: Path, config: Path | None) -> Archive:
+    path = config if config is not None else CONFIG / "rover.toml"
+    encoders = load_configuration(path).encoders
+    if encoders is None:
+        raise DataSetError(
+            f"{path} has no table [encoders] that says which frames of {source.name} belong to the "
+            "wheels; add it, or start from config/rover.toml"
+        )
+    return load_candump(source, encoders)
+
+
+def _wires(folder: Path, config: Path | None) -> Archive | None:
+    """What a folder with a capture of SCIP bytes, a candump log, or one of each holds; None where it has neither."""
+    files = [path for path in sorted(folder.iterdir())[:LOOKED_AT] if path.is_file() and path.suffix != ".npz"]
+    lasers = [path for path in files if is_scip(_head(path))]
+    buses = [path for path in files if path not in lasers and _first_word(path) not in ("", *WORDS)]
+    for captures, what in ((lasers, "captures of a laser"), (buses, "candump logs")):
+        if len(captures) > 1:
+            names = f"{captures[0].name} and {captures[1].name}"
+            raise DataSetError(
+                f"{folder} holds {len(captures)} {what}, such as {names}; give a folder with one of each"
+            )
+    laser, bus = ([load_scip(path) for path in lasers], [_candump(path, config) for path in buses])
+    return joined(laser[0], bus[0], folder) if laser and bus else next(iter(laser + bus), None)
 
 
 def _first_word(source: Path) -> str:

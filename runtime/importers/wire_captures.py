@@ -1,11 +1,14 @@
 """What went over a rover's wires, as the same arrays that other sets come in: SCIP of a Hokuyo, frames of a CAN bus.
 
-The bytes themselves go into the run as well, as a live rover records them. A capture holds one of the two sensors.
+The bytes themselves go into the run as well, as a live rover records them. A capture holds one of the two sensors;
+a folder may hold one of each, taken at the same time.
 """
 
+import heapq
 from array import array
 from collections import Counter
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +59,7 @@ def load_scip(source: Path) -> Archive:
     meta = {"name": f"scip {source.name}"}
     if not capture.scans:
         left_out.warnings.append(f"{source.name} holds no scan: none of its {capture.messages} messages is one")
-        return Archive(meta["name"], source, {}, meta, left_out, raw=lambda: _laser_records(source, 0))
+        return Archive(meta["name"], source, {}, meta, left_out, raw=partial(_laser_records, source))
     first = capture.scans[0]
     arrays: dict[str, NDArray[Any]] = {
         "scan_t": np.array([scan.stamp_ns for scan in capture.scans]) * 1e-9,
@@ -66,7 +69,7 @@ def load_scip(source: Path) -> Archive:
         "scan_beams": np.array([len(scan.ranges_m) for scan in capture.scans]),
     }
     told: dict[str, Any] = {**meta, "range_max": first.range_max_m, "time_increment": first.beam_period_s}
-    return Archive(meta["name"], source, arrays, told, left_out, raw=lambda: _laser_records(source, first.stamp_ns))
+    return Archive(meta["name"], source, arrays, told, left_out, raw=partial(_laser_records, source))
 
 
 def _laser_records(source: Path, start_ns: int) -> Iterator[Record]:
@@ -93,7 +96,6 @@ def load_candump(source: Path, settings: EncoderSettings) -> Archive:
                 column.append(value)
     _report(source, frames, pair, decoder.ids, left_out)
     meta = {"name": f"candump {source.name}"}
-    start_ns = int(frames.stamps_ns[0]) if len(frames) else 0
     arrays: dict[str, NDArray[Any]] = {}
     stamps_ns, left, right, valid, unbroken = (np.array(column) for column in samples)
     if len(stamps_ns):
@@ -103,8 +105,21 @@ def load_candump(source: Path, settings: EncoderSettings) -> Archive:
             "odom_valid": valid.astype(np.bool_),
             "odom_unbroken": unbroken.astype(np.bool_),
         }
-        start_ns = int(stamps_ns[0])
-    return Archive(meta["name"], source, arrays, dict(meta), left_out, raw=lambda: _can_records(frames, start_ns))
+    return Archive(meta["name"], source, arrays, dict(meta), left_out, raw=partial(_can_records, frames))
+
+
+def joined(laser: Archive, wheels: Archive, source: Path) -> Archive:
+    """A capture of the laser and one of the bus as one set; both have stamps of one clock, which the import checks."""
+    assert laser.raw is not None
+    assert wheels.raw is not None
+    captures = (laser.raw, wheels.raw)
+
+    def raw(start_ns: int) -> Iterator[Record]:
+        return heapq.merge(*(records(start_ns) for records in captures), key=lambda record: record.stamp_ns)
+
+    laser.left_out.join(wheels.left_out)
+    meta = {**laser.meta, "name": f"wires {source.name}"}
+    return Archive(meta["name"], source, laser.arrays | wheels.arrays, meta, laser.left_out, raw=raw)
 
 
 def _frames(source: Path, settings: EncoderSettings, left_out: LeftOut) -> OrderedFrames:
@@ -175,5 +190,6 @@ def _report(source: Path, frames: OrderedFrames, pair: WheelPair, ids: tuple[int
 
 def _can_records(frames: OrderedFrames, start_ns: int) -> Iterator[Record]:
     """The frames as /raw/can, with stamps since the set's start."""
+    start_ns = start_ns or int(frames.stamps_ns[0])  # a log without a wheel sample has no other start
     for stamp_ns, identity, data, flags in frames:
         yield encode_can_frame(max(0, stamp_ns - start_ns), identity, flags, data)

@@ -1,4 +1,4 @@
-"""What the simulated devices sent, kept as `infant import` reads it: laser.logr and wheels.candump."""
+"""What the simulated devices sent, in a folder as `infant import` reads it: laser.logr and wheels.candump."""
 
 import struct
 import threading

@@ -34,6 +34,14 @@ class LeftOut:
             self.counts[what, reason] += count
             self.first_places.setdefault((what, reason), place)
 
+    def join(self, other: "LeftOut") -> None:
+        """Take over what the reader of another part of the recording says."""
+        self.counts.update(other.counts)
+        self.first_places |= other.first_places
+        self.used.update(other.used)
+        self.notes += other.notes
+        self.warnings += other.warnings
+
     def first(self) -> str:
         """The first thing that could not be used, as one clause; "" where there was none."""
         for (_, reason), place in self.first_places.items():

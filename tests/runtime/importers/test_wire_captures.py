@@ -96,6 +96,32 @@ def test_a_recorded_drive_of_the_rovers_own_wheels_is_imported(
     assert sum(record.topic == "/raw/can" for record in RunReader(tmp_path / "run").records()) == len(lines)
 
 
+def test_a_folder_with_both_wires_of_one_session_becomes_one_drive(
+    recorded_data: Callable[[str], Path], tmp_path: Path
+) -> None:
+    folder = tmp_path / "session"
+    folder.mkdir()
+    (folder / "laser.logr").write_bytes(as_records([described(), *scan_messages(20)]))
+    (folder / "wheels.candump").write_bytes((recorded_data("can_encoder") / "infant_candump.log").read_bytes())
+    (folder / "notes.txt").write_text("a sunny day\n")
+    result = import_data_set(folder, tmp_path / "run")
+    assert (result["source"], result["scans"], result["wheel_samples"]) == ("wires session", 20, 500)
+    assert result["warnings"] == []
+    records = list(RunReader(tmp_path / "run").records())
+    raw_ns = [record.stamp_ns for record in records if record.topic in ("/raw/laser", "/raw/can")]
+    assert {"/raw/laser", "/raw/can"} <= {record.topic for record in records}
+    assert raw_ns == sorted(raw_ns)
+    assert raw_ns[0] < 2e9, "since the start of the drive and not since 1970"
+    assert replay_run(tmp_path / "run", None, None, False, {})["scans"] == 20
+    (folder / "laser.logr").unlink()
+    assert import_data_set(folder, tmp_path / "wheels")["scans"] == 0
+    (folder / "again.candump").write_bytes((folder / "wheels.candump").read_bytes())
+    with pytest.raises(
+        DataSetError, match=r"holds 2 candump logs, such as again.candump and wheels.candump; give a folder"
+    ):
+        import_data_set(folder, tmp_path / "none")
+
+
 def viewed(line: str) -> str:
     """A line of candump -l as candump -ta shows it."""
     time, channel, frame, *_ = line.split()

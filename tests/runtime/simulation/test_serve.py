@@ -9,6 +9,7 @@ import pytest
 from drivers.settings.simulated_world import KidnapSettings
 from runtime.api.simulated import SimulatedRover
 from runtime.errors import RunExistsError, UsageError
+from runtime.importers.data_set import import_data_set
 from runtime.importers.wire_captures import load_candump
 from runtime.settings.configuration import load_configuration
 from runtime.simulation.serve import described, serve_rover
@@ -34,6 +35,7 @@ def test_a_rover_without_a_simulation_is_simulated_as_its_file_says_and_what_it_
     encoders = load_configuration(ODRIVE).encoders
     assert encoders is not None
     assert len(load_candump(candump, encoders).arrays["odom_t"]) > 20
+    assert import_data_set(folder, tmp_path / "run", ODRIVE)["wheel_samples"] > 20
     with pytest.raises(RunExistsError, match="give another name"):
         serve_rover(ODRIVE, words, stop, stream, None, folder)
     with pytest.raises(UsageError, match="model = 'UST-99'"):
