@@ -18,8 +18,8 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from runtime.cli import live, log, maps, prepare, rover, runs, studies
-from runtime.cli.help import GroupedCommands, WholeSentences, epilog, show_version
-from runtime.cli.output import begin_answering, has_answered, say_json
+from runtime.cli.help import GroupedCommands, PlainUsage, WholeSentences, epilog, show_version
+from runtime.cli.output import begin_answering, error_object, has_answered, say_json
 from runtime.errors import InfantError, StorageError, UsageError
 from runtime.printable import printable, printable_lines
 
@@ -33,7 +33,7 @@ app = typer.Typer(
 for group in (live, prepare, runs, log, rover, studies):
     for command in group.COMMANDS:
         word = command.__name__.rstrip("_")  # import_ is a word of Python without its underscore
-        app.command(word, epilog=epilog(word))(command)
+        app.command(word, cls=PlainUsage, epilog=epilog(word))(command)
 GROUPS = {
     "log": (log.LOG_HELP, log.LOG_COMMANDS),
     "map": (maps.MAP_HELP, maps.MAP_COMMANDS),
@@ -42,8 +42,11 @@ GROUPS = {
 for name, (text, commands) in GROUPS.items():
     group_app = typer.Typer(name=name, help=text, no_args_is_help=True, cls=WholeSentences)
     for command in commands:
-        group_app.command(epilog=epilog(f"{name} {command.__name__}"))(command)
+        group_app.command(cls=PlainUsage, epilog=epilog(f"{name} {command.__name__}"))(command)
     app.add_typer(group_app)
+
+
+INTERRUPTED = 130  # by Ctrl-C, as a shell has it
 
 
 @app.callback()
@@ -64,9 +67,10 @@ def main() -> None:
     as_json = "--json" in sys.argv[1:]
     begin_answering()
     try:
-        if as_json:
-            sys.exit(run_for_a_program())
-        app()
+        exit_code = run_command(as_json)
+        if as_json and exit_code == INTERRUPTED:
+            say_error("interrupted by Ctrl-C", INTERRUPTED)
+        sys.exit(exit_code)
     except InfantError as error:
         end(str(error), error.exit_code, as_json)
     except OSError as error:  # a file that may not be read, a disk that fails, a terminal that has gone
@@ -80,16 +84,20 @@ def main() -> None:
         sys.exit(InfantError.exit_code)
 
 
-def run_for_a_program() -> int:
-    """Run the command and return its exit code; words that do not fit raise UsageError and not lines for a person."""
+def run_command(as_json: bool) -> int:
+    """Run the command and return its exit code; words that do not fit show the usage, for a program as UsageError."""
     try:
         result: Any = app(standalone_mode=False)
     except Exception as error:
-        if hasattr(error, "format_message"):  # typer brings a click of its own, whose types have no name here
+        if type(error).__name__ == "Abort":  # typer brings a click of its own, whose types have no name here
+            return INTERRUPTED
+        if not hasattr(error, "format_message"):
+            raise
+        error.message = str(getattr(error, "message", "")).removeprefix("Value error, ")  # typer's word for no choice
+        if as_json:
             raise UsageError(error.format_message() or "no command given; see infant --help") from error
-        if type(error).__name__ == "Abort":
-            raise UsageError("interrupted") from error
-        raise
+        error.show()  # type: ignore[attr-defined]
+        return UsageError.exit_code
     return result if isinstance(result, int) else 0
 
 
@@ -105,7 +113,7 @@ def say_error(sentence: str, exit_code: int) -> None:
     """One JSON object, unless the command has answered with its own already."""
     if not has_answered():
         with suppress(OSError):  # whoever reads may have gone
-            say_json({"error": {"exit_code": exit_code, "reason": sentence}})
+            say_json(error_object(sentence, exit_code))
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 GROUPS = {
     "Prepare a rover": ("setup", "config", "check", "calibrate", "warmup", "install"),
@@ -70,6 +70,14 @@ def epilog(name: str) -> str | None:
     lines = EXAMPLES.get(name, ())
     word = "Example:" if len(lines) == 1 else "Examples:"
     return "\n".join(("\b", word, *(f"  {line}" for line in lines))) if lines else None
+
+
+class PlainUsage(TyperCommand):
+    """A command whose usage names an argument as it is typed; typer's own puts braces around it."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """The words of the usage line."""
+        return [piece.replace("{", "").replace("}", "") for piece in super().collect_usage_pieces(ctx)]
 
 
 class WholeSentences(TyperGroup):

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.begin_in import BeginIn, LocaliseOnly, StartAt
-from runtime.cli.output import say, say_json, say_states
+from runtime.cli.output import answer, say, say_json, say_states
 from runtime.cli.progress import AsJson, busy
 
 Config = Annotated[
@@ -86,12 +86,11 @@ def run(
         if not as_service:
             raise UsageError("stopped before the first tick; nothing was recorded")
         return
-    if as_json:
-        say_json(summary)
-    else:
-        say(*summary_lines(summary))
-    if not as_service and (sentence := silence(summary, str(config))):
-        raise SensorError(sentence)
+    sentence = "" if as_service else silence(summary, str(config))
+    error = SensorError(sentence) if sentence else None
+    answer(summary, summary_lines(summary), as_json, error)
+    if error is not None:
+        raise error
 
 
 SIMULATED_DURATION_S = 60.0  # from the first tick on
@@ -186,7 +185,7 @@ def check(
     from runtime.errors import PreflightError
     from runtime.settings.configuration import load_configuration
     from runtime.settings.overrides import key_values
-    from runtime.setup.check_result import Check, CheckResult, preflight_result, worst_result
+    from runtime.setup.check_result import Check, CheckResult, preflight_result
     from runtime.setup.validation import validate_for_live_run
 
     configuration = load_configuration(config, key_values(set_ or []))
@@ -207,11 +206,13 @@ def check(
         if not as_json:
             remedy = f"; {each.remedy}" if each.remedy else ""
             say_states(f"{each.verdict:4s} {each.name:13s} {each.reason}{remedy}")
+    failed = ", ".join(each.name for each in checks if each.verdict is CheckResult.FAIL)
+    told = "the remedy of each check" if as_json else "the lines above"
+    error = PreflightError(f"not ready to drive: {failed}; see {told} for what to do") if failed else None
     if as_json:
-        say_json({"config": str(config), "sha256": configuration.sha256} | preflight_result(checks))
-    if worst_result(checks) is CheckResult.FAIL:
-        failed = ", ".join(each.name for each in checks if each.verdict is CheckResult.FAIL)
-        raise PreflightError(f"not ready to drive: {failed}; see the lines above for what to do")
+        say_json({"config": str(config), "sha256": configuration.sha256} | preflight_result(checks), error)
+    if error is not None:
+        raise error
 
 
 def status(
@@ -236,13 +237,14 @@ def status(
     else:
         answers = iter([rovers.fetch_status(endpoints, config_file=file, refused=refused)])
     for statuses in answers:
+        error = None if statuses or watch else SensorError(rovers.silence_sentence(endpoints))
         if as_json:
-            say_json({"rovers": statuses})
+            say_json({"rovers": statuses}, error)
         elif statuses:
             lines = map(rovers.status_line, statuses) if watch else rovers.status_table(statuses)
             say_states(*lines)
-        if not statuses and not watch:
-            raise SensorError(rovers.silence_sentence(endpoints))
+        if error is not None:
+            raise error
 
 
 def warmup(as_json: AsJson = False) -> None:

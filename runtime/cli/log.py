@@ -9,7 +9,7 @@ import typer
 from runtime.cli.output import say, say_json
 from runtime.cli.progress import AsJson, busy
 
-Run = Annotated[Path, typer.Argument(help="folder of a run", show_default=False)]
+Run = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run", show_default=False)]
 
 
 def info(run: Run, as_json: AsJson = False) -> None:
@@ -44,8 +44,14 @@ def verify(run: Run, as_json: AsJson = False) -> None:
 
     with busy("read"):
         found = verify_run(run)
+    error = None
+    if found.damages:
+        error = StorageError(
+            f"{run} differs from what was written ({len(found.damages)} finding(s)); infant log recover "
+            "writes what is intact into a new run"
+        )
     if as_json:
-        say_json({"run": str(run), "whole": not found.damages} | asdict(found))
+        say_json({"run": str(run), "whole": not found.damages} | asdict(found), error)
     else:
         for kind, sentences in (("gap", found.gaps), ("damage", found.damages)):
             for sentence in sentences:
@@ -53,11 +59,8 @@ def verify(run: Run, as_json: AsJson = False) -> None:
         say(f"read      {found.ticks} ticks in {found.segments} segment(s), {len(found.gaps)} gap(s)")
         if not found.damages and not found.gaps:
             say("intact    every byte is as it was written")
-    if found.damages:
-        raise StorageError(
-            f"{run} differs from what was written ({len(found.damages)} finding(s)); infant log recover "
-            "writes what is intact into a new run"
-        )
+    if error is not None:
+        raise error
 
 
 def recover(
@@ -81,7 +84,7 @@ def recover(
 
 
 def mark(
-    reason: Annotated[str, typer.Argument(help="what you saw, in one sentence", show_default=False)],
+    reason: Annotated[str, typer.Argument(metavar="REASON", help="what you saw, in one sentence", show_default=False)],
     run: Annotated[
         Path | None, typer.Option("--run", help="folder of a run; default: the one that is being recorded")
     ] = None,

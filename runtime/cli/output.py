@@ -8,6 +8,7 @@ from typing import Any
 
 import typer
 
+from runtime.errors import InfantError
 from runtime.printable import coloured, printable
 
 WHOLE = 1 << 30  # characters: lines are not cut here
@@ -36,15 +37,22 @@ def say_states(*lines: str) -> None:
     typer.echo("\n".join(shown if "NO_COLOR" in os.environ else map(coloured, shown)))  # strips them elsewhere
 
 
-def say_json(value: Any) -> None:
-    """Print one JSON object and nothing else."""
+def error_object(reason: str, exit_code: int) -> dict[str, Any]:
+    """How a program is told why a command failed."""
+    return {"error": {"exit_code": exit_code, "reason": reason}}
+
+
+def say_json(value: Any, error: InfantError | None = None) -> None:
+    """Print one JSON object and nothing else. error: with which the command is about to end in spite of its answer."""
     _ANSWERED.set(True)
+    if error is not None:
+        value = value | error_object(str(error), error.exit_code)
     typer.echo(json.dumps(value).replace("\x7f", "\\u007f"))  # all other control characters JSON escapes itself
 
 
-def answer(value: Any, lines: Iterable[str], as_json: bool) -> None:
-    """Print the result of a command in one of its two forms."""
+def answer(value: Any, lines: Iterable[str], as_json: bool, error: InfantError | None = None) -> None:
+    """Print the result of a command in one of its two forms. error: as for say_json."""
     if as_json:
-        say_json(value)
+        say_json(value, error)
     else:
         say(*lines)

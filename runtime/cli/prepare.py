@@ -40,7 +40,8 @@ def install(
     plan = installation.plan_removal(root, program) if remove else installation.plan_install(root, program, config)
     if as_json:
         files = [{"path": str(each.path), "state": each.state} for each in plan.files]
-        say_json({"files": files, "commands": plan.commands, "notes": plan.notes, "dry_run": dry_run})
+        error = PreflightError(trouble) if trouble else None
+        say_json({"files": files, "commands": plan.commands, "notes": plan.notes, "dry_run": dry_run}, error)
     else:
         say(*installation.plan_lines(plan))
     if trouble:

@@ -88,7 +88,10 @@ def rclpy(
 
     text = files("runtime.bridge").joinpath("rclpy_node.py").read_text(encoding="utf-8")
     if out is None:
-        typer.echo(text, nl=False)
+        if as_json:
+            say_json({"text": text})
+        else:
+            typer.echo(text, nl=False)
         return
     try:
         with out.open("x", encoding="utf-8") as file:
@@ -113,10 +116,16 @@ class CommandWord(StrEnum):
 def command(
     asked: Annotated[
         CommandWord,
-        typer.Argument(help="mark this moment, save what is recorded, stop recording, or set where the rover stands"),
+        typer.Argument(
+            metavar="WORD",
+            help="mark this moment, save what is recorded, stop recording, or set where the rover stands",
+        ),
     ],
     reason: Annotated[
-        str, typer.Argument(help="what you saw (required for mark); for initial_pose: X,Y,YAW[,SIGMA_M,SIGMA_RAD]")
+        str,
+        typer.Argument(
+            metavar="REASON", help="what you saw (required for mark); for initial_pose: X,Y,YAW[,SIGMA_M,SIGMA_RAD]"
+        ),
     ] = "",
     rover: Rover = None,
     connect: Connect = None,
@@ -140,13 +149,14 @@ def command(
     else:
         found = find_rover(connect, rover, file)
     rover, answer = found.name, send_command(found.endpoint, found.name, Command(asked.value), reason, file)
+    error = None if answer.accepted else UsageError(f"{rover} refused {asked.value}: {answer.reason}")
     if as_json:
         said = {"rover": rover, "command": asked.value, "accepted": answer.accepted, "reason": answer.reason}
-        say_json(said)
+        say_json(said, error)
     elif answer.accepted:
         say(f"{rover} accepted {asked.value}; the event is in its log")
-    if not answer.accepted:
-        raise UsageError(f"{rover} refused {asked.value}: {answer.reason}")
+    if error is not None:
+        raise error
 
 
 def page(

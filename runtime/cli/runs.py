@@ -52,11 +52,13 @@ def replay(
     begin = start.BeginIn(map_, localise_only, start_at)
     overrides = replay_overrides(set_, without, seed)
     result = replay_run(run, config, out, verify, overrides, progress_bar("replay"), begin)
-    answer(result, replay_lines(result), as_json)
+    altered, error = "; ".join(result["altered"][:3]), None
+    if altered:
+        error = StorageError(f"{run} is not as it was when it was closed ({altered}); see infant log verify")
+    answer(result, replay_lines(result), as_json, error)
     _end_with_defects(result["defects"], allow_defects)
-    if result["altered"]:
-        altered = "; ".join(result["altered"][:3])
-        raise StorageError(f"{run} is not as it was when it was closed ({altered}); see infant log verify")
+    if error is not None:
+        raise error
     if verify and not (result["identical"] or result["within_tolerance"]):
         sys.exit(1)
 
@@ -159,7 +161,7 @@ def review(
 
 def compare(
     first: Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run")],
-    second: Annotated[Path, typer.Argument(metavar="RUN", help="folder of another run, or of a replay of it")],
+    second: Annotated[Path, typer.Argument(metavar="OTHER", help="folder of another run, or of a replay of it")],
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE.html", help="default: compare.html in the second run")
     ] = None,
@@ -240,7 +242,7 @@ def _view_live(
 
 
 def calibrate(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of recorded drives")],
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN", help="folders of recorded drives")],
     config: Annotated[Path | None, typer.Option("--config", help="start from the values in this file")] = None,
     write: Annotated[
         Path | None,

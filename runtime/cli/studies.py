@@ -41,12 +41,13 @@ def paper(
     part: Annotated[
         Part,
         typer.Argument(
+            metavar="PART",
             help="which figure, table or study: a figure, the table, the ablation, the published pose, all; "
-            "places; recognition; relocalisation"
+            "places; recognition; relocalisation",
         ),
     ],
     more: Annotated[
-        list[str] | None, typer.Argument(metavar="[SET]...", help="places and relocalisation: only these sets")
+        list[str] | None, typer.Argument(metavar="SET", help="places and relocalisation: only these sets")
     ] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="drives for each variant")] = 20,
     out: Annotated[Path, typer.Option("--out", help="folder for pictures and tables; finished jobs are kept")] = Path(
@@ -56,7 +57,7 @@ def paper(
     repeats: Annotated[
         int, typer.Option("--repeats", min=0, max=1000, help="places: repeats, each leaving out 5 % of the scans")
     ] = 20,
-    sets: Annotated[list[str] | None, typer.Option("--sets", metavar="SET...", help="places: only these")] = None,
+    sets: Annotated[list[str] | None, typer.Option("--sets", metavar="SET", help="places: only these")] = None,
     data: Annotated[
         Path,
         typer.Option(
@@ -114,7 +115,7 @@ def paper(
 
 
 def sweep(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="folders of recorded runs")],
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN", help="folders of recorded runs")],
     out: Annotated[Path, typer.Option("--out", help="folder for the table; finished jobs are kept")],
     set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=V1,V2", help="values of one key")] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="seeds of the filter, counted from 1")] = 5,
@@ -221,7 +222,7 @@ def bench(
     run: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[RUN]", help="measure what review and export of this run cost instead", show_default=False
+            metavar="RUN", help="measure what review and export of this run cost instead", show_default=False
         ),
     ] = None,
     as_json: AsJson = False,

@@ -12,7 +12,7 @@ def family(error: type[InfantError]) -> list[type[InfantError]]:
 
 
 def ends_with(monkeypatch: pytest.MonkeyPatch, error: Exception) -> int:
-    def fail() -> None:
+    def fail(standalone_mode: bool) -> None:
         raise error
 
     monkeypatch.setattr(cli, "app", fail)
