@@ -129,11 +129,17 @@ class CanEncoders:
         trouble = pair.trouble(now_ns)
         if trouble:
             return SensorState.FAILED, trouble
+        unheard = {
+            str(wheel.wheel): wheel.refusal(now_ns) or f"not heard so far; {CHECK_POWER}"
+            for wheel in (pair.left, pair.right)
+            if wheel.age_ns(now_ns) is None
+        }
+        if unheard:
+            who = f"{next(iter(unheard))} wheel" if len(unheard) == 1 else "both wheels"
+            return SensorState.STARTING, f"{who}: {next(iter(unheard.values()))}"
         for wheel in (pair.left, pair.right):
             age_ns = wheel.age_ns(now_ns)
-            if age_ns is None:
-                why = wheel.refusal(now_ns) or f"not heard so far; {CHECK_POWER}"
-                return SensorState.STARTING, f"{wheel.wheel} wheel: {why}"
+            assert age_ns is not None
             if age_ns > self._settings.degraded_ns:
                 return SensorState.STALE, f"{wheel.wheel} wheel: late by {age_ns * 1e-6:.0f} ms"
             if wheel.stuck:

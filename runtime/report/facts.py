@@ -146,6 +146,10 @@ class RunFacts:
         """A stamp as seconds since the first tick."""
         return (stamp_ns - self.origin_ns) * 1e-9
 
+    def events_ever(self, source: str) -> list[Event]:
+        """Events of a source, those before the first tick too: for what was never heard they are all that is known."""
+        return [event for event in self.events if event.source == source]
+
     def events_of(self, source: str, *kinds: str) -> list[Event]:
         """Events of a source during the run, of these kinds if any are named.
 

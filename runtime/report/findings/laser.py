@@ -53,14 +53,14 @@ def _silent(facts: RunFacts) -> list[Finding]:
     intervals = while_recorded(facts, silences(facts.scans.times_s, facts.duration_s, least_s))
     if not intervals:
         return []
-    longest = max(end - start for start, end in intervals)
-    said = around(facts, intervals)
+    longest, never = max(end - start for start, end in intervals), not facts.scans.times_s.size
+    said = facts.events_ever("laser") if never else around(facts, intervals)
     cause, remedy = silence_cause(facts, intervals, said)
     return [
         Finding(
             "laser_silent",
-            Severity.ERROR if longest >= SILENT_ERROR_S else Severity.WARN,
-            f"The laser sent no usable scan during {spans_text(intervals)}",
+            Severity.ERROR if never or longest >= SILENT_ERROR_S else Severity.WARN,
+            f"The laser sent no usable scan {'in the whole run' if never else f'during {spans_text(intervals)}'}",
             (
                 f"none for up to {longest:.1f} s; gaps longer than {least_s:.1f} s count as silence",
                 *driver_reports(said),

@@ -7,8 +7,8 @@ import numpy as np
 from drivers.measurements import Event
 from runtime.report.facts import RunFacts
 from runtime.report.finding import Interval
+from runtime.report.findings.silence import Advice, in_drivers_words
 
-Advice = tuple[str, str]
 BEFORE_S, AFTER_S = 2.0, 1.5  # around a silence: what led to it, and what the driver found when it was over
 SILENT_SHARE = 0.5  # of a laser's silence, without any wheel
 BROKEN = ("broke", "closed the connection", "nothing listens", "no route", "unreachable")
@@ -77,6 +77,8 @@ def silence_cause(facts: RunFacts, intervals: Sequence[Interval], events: Sequen
     for kind, advice in SAID.items():
         if any(event.kind.startswith(kind) for event in events):
             return advice
+    if not facts.scans.times_s.size and (words := in_drivers_words(events, "link_errors")) is not None:
+        return f"there never was a connection: {words[0]}", words[1] or LINK[1]
     if link_broke(events):
         return LINK
     if _all_were_silent(facts, intervals):

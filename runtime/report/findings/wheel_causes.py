@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from drivers.measurements import Event
 from runtime.report.facts import RunFacts
 from runtime.report.finding import Interval
+from runtime.report.findings.silence import Advice, in_drivers_words
 
 LAYOUT = "the layout of the frames differs from the configured one"
 DAMAGE = {
@@ -29,6 +30,21 @@ BUS = {  # kind of event: cause; the gravest first
     "bitrate": "the CAN bus carries only errors: the bit rate differs from the configured one, or the wiring is broken",
     "restarted": "the CAN bus was interrupted: wiring or termination",
 }
+GONE = ("open", "read")  # kinds of event: the bus itself cannot be opened or read
+DEAD_BUS: Advice = (
+    "both nodes lost power, or the bus is broken",
+    "check power and cables of both nodes and the bus; see [encoders.bus]",
+)
+NEVER_HEARD: Advice = (
+    "no frame with a configured id was ever heard: the nodes have no power, the bus is not connected or runs at "
+    "another bit rate, or the wheels use other ids",
+    "check power and cables, [encoders.bus] and [encoders.layout]; infant check --config FILE --live says which ids "
+    "are heard",
+)
+FLOOD: Advice = (
+    "other frames flooded the bus, or the host was too busy to read them: they waited in the buffer",
+    "find the node that sends so much, and raise loop.priority so that other work on the host has to wait",
+)
 BEFORE_S, AFTER_S = 0.5, 0.5
 EDGE_S = 0.1  # of a silence: what waits there may be the last frames before it or the first ones after it
 BACK_S = 2.0  # a node tells of its restart once a second
@@ -65,10 +81,30 @@ def encoders_text(sides: Collection[str]) -> str:
     return f"The {next(iter(sides))} wheel encoder" if len(sides) == 1 else "Both wheel encoders"
 
 
-def silence_cause(events: Sequence[Event], faults: Sequence[Event], sides: Collection[str], waited: bool) -> str:
-    """Of counts that stayed away. faults: those of the events that say that a wheel could not be used; waited: whether
-    other frames waited meanwhile until they were read.
+def dead_bus(events: Sequence[Event], never: bool) -> Advice:
+    """Cause and remedy where nothing at all came from the bus; never: in the whole run."""
+    if (words := in_drivers_words(events, *GONE)) is not None:
+        return words[0], words[1] or DEAD_BUS[1]
+    return NEVER_HEARD if never else DEAD_BUS
+
+
+def silence_cause(
+    events: Sequence[Event], faults: Sequence[Event], sides: Collection[str], waited: bool, never: bool
+) -> Advice:
+    """Cause and remedy of counts that stayed away. faults: those of the events that say that a wheel could not be
+    used; waited: whether other frames waited meanwhile until they were read; never: no count came in the whole run.
     """
+    one = len(sides) == 1
+    remedy = "check its power and its cable" if one else FLOOD[1] if waited else DEAD_BUS[1]
+    if (cause := _told_cause(events, faults)) is not None:
+        return cause, remedy
+    if waited and not one:
+        return FLOOD
+    return ("this node lost power, or its cable came loose", remedy) if one else dead_bus(events, never)
+
+
+def _told_cause(events: Sequence[Event], faults: Sequence[Event]) -> str | None:
+    """What the driver said of the bus, of frames that came, or of a node that restarted."""
     for kind, cause in BUS.items():
         if any(event.kind == kind for event in events):
             return cause
@@ -79,17 +115,4 @@ def silence_cause(events: Sequence[Event], faults: Sequence[Event], sides: Colle
             return DAMAGE[event.kind]
     if any(event.kind == "restart" for event in events):
         return "the node lost power and restarted when power came back"
-    if waited and len(sides) > 1:
-        return "other frames flooded the bus, or the host was too busy to read them: they waited in the buffer"
-    if len(sides) == 1:
-        return "this node lost power, or its cable came loose"
-    return "both nodes lost power, or the bus is broken"
-
-
-def silence_remedy(one: bool, waited: bool) -> str:
-    """Of counts that stayed away. one: only one wheel's; waited: as silence_cause."""
-    if one:
-        return "check its power and its cable"
-    if waited:
-        return "find the node that sends so much, and raise loop.priority so that other work on the host has to wait"
-    return "check power and cables of both nodes and the bus; see [encoders.bus]"
+    return None

@@ -21,12 +21,12 @@ from runtime.report.findings.wheel_causes import (
     BACK_S,
     BUS,
     DAMAGE,
+    GONE,
     around,
     encoders_text,
     frames_waited,
     side_of,
     silence_cause,
-    silence_remedy,
     wheels_text,
 )
 from runtime.report.wheel_calibration import WINDOW_S
@@ -64,7 +64,8 @@ def _silent(facts: RunFacts) -> list[Finding]:
                 intervals,
             )
         ]
-    said = around(facts, intervals, BACK_S)
+    never = not good_s.size
+    said = facts.events_ever("encoders") if never else around(facts, intervals, BACK_S)
     if any(event.kind == "stuck" for event in said):
         return []  # a count that stands still is refused, and is a finding of its own
     faults = [event for event in said if event.kind == "invalid" or event.kind in DAMAGE]
@@ -72,21 +73,22 @@ def _silent(facts: RunFacts) -> list[Finding]:
     unheard = [event for event in facts.events_of("health") if "not heard so far" in event.reason]
     heard_of = [re.search(r"(left|right) wheel: not heard", event.reason) for event in unheard]
     sides |= {found.group(1) for found in heard_of if found is not None}
-    one = len(sides) == 1 and not any(event.kind in BUS for event in said)
+    one = len(sides) == 1 and not any(event.kind in (*BUS, *GONE, "silent") for event in said)
     sides = sides if one else {"left", "right"}
     waited = frames_waited(facts, intervals)
-    cause = silence_cause(said, faults, sides, waited)
+    cause, remedy = silence_cause(said, faults, sides, waited, never)
     refused = any(event.kind in DAMAGE and event.kind != "lost_together" for event in faults)
-    what = "gave no usable counts" if refused else "stopped sending"
+    what = "gave no usable counts" if refused else "sent nothing" if never else "stopped sending"
+    when = "in the whole run" if never else f"during {spans_text(intervals)}"
     again = " and then restarted" if any(event.kind == "restart" for event in said) else ""
     return [
         Finding(
             "wheel_silent" if one else "odometry_silent",
-            Severity.ERROR if longest >= SILENT_ERROR_S else Severity.WARN,
-            f"{encoders_text(sides)} {what} during {spans_text(intervals)}{again}",
+            Severity.ERROR if never or longest >= SILENT_ERROR_S else Severity.WARN,
+            f"{encoders_text(sides)} {what} {when}{again}",
             (f"no good wheel sample for up to {longest:.1f} s", *driver_reports([*said, *unheard])),
             cause,
-            silence_remedy(one, waited),
+            remedy,
             intervals,
         )
     ]

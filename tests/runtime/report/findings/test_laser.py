@@ -1,5 +1,7 @@
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
+
+import numpy as np
 
 from drivers.measurements import Event, Severity
 from runtime.report.facts import RunFacts, ScanColumns
@@ -26,3 +28,14 @@ def test_a_laser_that_falls_silent_with_the_wheels_does_not_hang(tmp_path: Path)
     facts = replace(facts, wheels=replace(facts.wheels, valid=facts.wheels.valid & ~inside))
     (together,) = [finding for finding in laser_findings(facts) if finding.kind == "laser_silent"]
     assert "no wheel was heard at that time either" in together.cause
+
+
+def test_a_laser_that_was_never_reached_did_not_reconnect(tmp_path: Path) -> None:
+    made = seeded_facts(tmp_path, 1, duration_s=8.0)
+    why = "nothing listens at 10.0.0.9:10940; check the port in laser.url and that the laser has started"
+    told = Event(made.origin_ns - 1, "laser", "link_errors", f"{why} (2 more since the last report)", Severity.WARN)
+    nothing = ScanColumns(*(np.zeros(0) for _ in fields(ScanColumns)))
+    (finding,) = laser_findings(replace(made, scans=nothing, events=(told,)))
+    assert (finding.title, finding.severity) == ("The laser sent no usable scan in the whole run", Severity.ERROR)
+    assert finding.cause == "there never was a connection: nothing listens at 10.0.0.9:10940"
+    assert finding.remedy == "check the port in laser.url and that the laser has started"

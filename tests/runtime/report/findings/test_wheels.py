@@ -1,10 +1,11 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from drivers.measurements import Event, Severity
 from runtime.report.causality import ordered
-from runtime.report.facts import RunFacts
+from runtime.report.facts import RunFacts, WheelColumns
 from runtime.report.finding import Finding
 from runtime.report.findings.wheels import wheel_findings
 from tests.support.runtime.seeded_runs import seeded_facts
@@ -75,6 +76,37 @@ def test_frames_that_wait_while_no_wheel_is_heard_are_a_flood(facts: RunFacts, w
     both = [(4.2, "invalid", f"{side} {silent}") for side in ("left", "right")]
     told = _told(facts, *both, (waited_s, "late", "frames waited before they were read"))
     assert word in told[0].cause
+
+
+NO_FRAME = "CAN bus socketcan can0: no frame at all; check that the nodes have power"
+NO_BUS = "CAN bus can0 does not exist on this computer; bring it up with ip link"
+
+
+@pytest.mark.parametrize(
+    ("told", "title", "cause", "remedy"),
+    [
+        ((-0.5, "silent", NO_FRAME), "Both wheel encoders sent nothing in", "no frame with a configured id", "--live"),
+        ((-0.5, "open", f"{NO_BUS} (3 more since the last report)"), "Both wheel", "can0 does not exist on", "ip link"),
+        ((1.0, "length", "left wheel: the length differs"), "The left wheel encoder gave no", "wrong length", "its"),
+    ],
+)
+def test_wheels_that_never_spoke_are_told_with_what_the_driver_met(
+    facts: RunFacts, told: tuple[float, str, str], title: str, cause: str, remedy: str
+) -> None:
+    nothing = replace(facts, wheels=WheelColumns(np.zeros(0), np.zeros((0, 2)), np.zeros(0, np.bool_)))
+    (finding,) = [each for each in _told(nothing, told) if each.kind.endswith("_silent")]
+    assert finding.title.startswith(title)
+    assert finding.title.endswith("in the whole run")
+    assert finding.cause.startswith(cause) or cause in finding.cause
+    assert remedy in finding.remedy
+    assert "more since" not in finding.remedy
+    assert finding.severity is Severity.ERROR
+
+
+def test_a_bus_that_goes_away_while_driving_is_told_as_that(facts: RunFacts) -> None:
+    (finding,) = _told(facts, (4.2, "open", NO_BUS))
+    assert finding.title.startswith("Both wheel encoders stopped sending")
+    assert (finding.cause, finding.remedy) == tuple(NO_BUS.split("; "))
 
 
 def test_no_effect_is_told_to_come_before_its_cause() -> None:
