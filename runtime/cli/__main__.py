@@ -93,10 +93,11 @@ def run_command(as_json: bool) -> int:
             return INTERRUPTED
         if not hasattr(error, "format_message"):
             raise
-        error.message = str(getattr(error, "message", "")).removeprefix("Value error, ")  # typer's word for no choice
+        refused: Any = error
+        refused.message = str(getattr(error, "message", "")).removeprefix("Value error, ")  # typer's word for no choice
         if as_json:
-            raise UsageError(error.format_message() or "no command given; see infant --help") from error
-        error.show()  # type: ignore[attr-defined]
+            raise UsageError(refused.format_message() or "no command given; see infant --help") from error
+        refused.show()
         return UsageError.exit_code
     return result if isinstance(result, int) else 0
 
