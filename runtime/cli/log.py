@@ -21,6 +21,7 @@ def info(run: Run, as_json: AsJson = False) -> None:
         say_json(facts)
         return
     say(f"run       {facts['run']}  {facts['source']}  {facts['created_utc']}  {facts['bytes'] / 1e6:.1f} MB")
+    say(f"version   infant {facts['versions'].get('infant', 'unknown')}")
     say(f"manifest  {facts['manifest']}")
     for segment in facts["segments"]:
         span = "" if segment["from_s"] is None else f"  {segment['from_s']:.1f} to {segment['to_s']:.1f} s"

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import Annotated, TypeVar, cast
@@ -89,6 +90,13 @@ GEOMETRY = {
 """What nobody can hear on a wire, by option."""
 
 
+class Side(StrEnum):
+    """Of a wheel."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+
 def setup(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="file to write; never overwritten")] = Path(
         "rover.toml"
@@ -115,12 +123,16 @@ def setup(
     laser_ahead: Annotated[float | None, typer.Option("--laser-ahead", help=GEOMETRY["--laser-ahead"])] = None,
     backwards: Annotated[bool, typer.Option("--backwards", help="the laser looks backwards")] = False,
     upside_down: Annotated[bool, typer.Option("--upside-down", help="the laser hangs upside down")] = False,
+    reverse: Annotated[
+        list[Side] | None,
+        typer.Option("--reverse", help="wheel whose count falls when the rover drives forward; repeatable"),
+    ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="ask nothing: a missing value is an error")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Find the laser and the wheels and write a configuration for them. On CAN it only listens."""
     from runtime.errors import UsageError
-    from runtime.setup.discover.questions import measure
+    from runtime.setup.discover.questions import REVERSED, measure, reversed_wheels, yes_or_no
     from runtime.setup.discover.wizard import Known, next_lines, set_up
     from runtime.setup.discover.written import Geometry
 
@@ -132,16 +144,17 @@ def setup(
         raise UsageError(f"{wanted}: missing; measure it, geometry is never guessed")
 
     def geometry() -> Geometry:
-        facing = (backwards, upside_down)
+        facing, falling = (backwards, upside_down), tuple(side for side in Side if side in (reverse or []))
         if missing:
             numbers.update({option: _asked(GEOMETRY[option], partial(measure, option)) for option in missing})
-            questions = ("does the laser look backwards?", "does the laser hang upside down?")
+            falling = falling or _asked(REVERSED, reversed_wheels, "")
+            questions = ("does the laser look backwards? [y/N]", "does the laser hang upside down? [y/N]")
             facing = (
-                backwards or typer.confirm(questions[0], err=True),
-                upside_down or typer.confirm(questions[1], err=True),
+                backwards or _asked(questions[0], yes_or_no, ""),
+                upside_down or _asked(questions[1], yes_or_no, ""),
             )
         radius, width, counts, ahead = (numbers[option] for option in GEOMETRY)
-        return Geometry(radius, width, counts, ahead, *facing)
+        return Geometry(radius, width, counts, ahead, *facing, falling)
 
     ask = (lambda question: _asked(question, str)) if missing else None
     try:
@@ -151,8 +164,11 @@ def setup(
     answer(result.as_json(), next_lines(out), as_json)
 
 
-def _asked(question: str, taken: Callable[[str], Value]) -> Value:
-    """The first answer that can be used. Raises typer.Abort where the person has had enough."""
+def _asked(question: str, taken: Callable[[str], Value], otherwise: str | None = None) -> Value:
+    """The first answer that can be used. otherwise: where only Enter is pressed; None: that is no answer.
+
+    Raises typer.Abort where the person has had enough.
+    """
     from runtime.errors import UsageError
 
     def value(text: str) -> Value:
@@ -161,7 +177,7 @@ def _asked(question: str, taken: Callable[[str], Value]) -> Value:
         except UsageError as error:
             raise typer.BadParameter(str(error)) from error
 
-    return cast("Value", typer.prompt(question, value_proc=value, err=True))
+    return cast("Value", typer.prompt(question, otherwise, show_default=False, value_proc=value, err=True))
 
 
 COMMANDS = (setup, config, install)

@@ -72,6 +72,7 @@ def _geometry_words(simulation: SimulationSettings, encoders: EncoderSettings) -
     ahead_m, _, yaw_rad = laser.body_from_laser
     words = f"--wheel-radius {vehicle.wheel_radius_left_m:g} --tread {vehicle.tread_m:g} "
     words += f"--counts-per-rev {vehicle.counts_per_rev:g} --laser-ahead {ahead_m:g}"
+    words += "".join(f" --reverse {side}" for side in ("left", "right") if getattr(encoders, side).sign < 0)
     return words + " --backwards" * (math.cos(yaw_rad) < 0.0) + " --upside-down" * laser.upside_down
 
 

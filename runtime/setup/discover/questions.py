@@ -21,6 +21,8 @@ KEYS: dict[str, tuple[type[BaseModel], str]] = {
     "--laser-ahead": (MountSettings, "x_m"),
 }
 """The key of the configuration that bounds the answer, by option."""
+WHEELS = {"left": ("left",), "right": ("right",), "both": ("left", "right"), "none": ()}
+REVERSED = "wheels whose counts fall when the rover drives forward: left, right, both or none [none]"
 LASER = "address of the laser, tcp://HOST:PORT or serial:///dev/NAME"
 BUS = "CAN bus, for example can0"
 DBC = "DBC of the wheels, from their maker: path of the file"
@@ -41,6 +43,22 @@ def measure(option: str, text: str | float) -> float:
     if not math.isfinite(value):
         raise UsageError(f"{option} {text}: expected a finite number")
     return value
+
+
+def yes_or_no(text: str) -> bool:
+    """Raises UsageError where it is neither."""
+    word = text.strip().lower()
+    if word not in ("y", "yes", "n", "no", ""):
+        raise UsageError(f"{text}: expected y for yes or n for no")
+    return word.startswith("y")
+
+
+def reversed_wheels(text: str) -> tuple[str, ...]:
+    """Wheels whose counts fall when the rover drives forward. Raises UsageError for another word."""
+    word = text.strip().lower() or "none"
+    if word not in WHEELS:
+        raise UsageError(f"{text}: expected {', '.join(WHEELS)}")
+    return WHEELS[word]
 
 
 def laser_url(text: str) -> str:

@@ -13,6 +13,7 @@ from runtime.atomic_write import atomic_write
 from runtime.errors import SensorError, StorageError, UsageError
 from runtime.settings.configuration import load_configuration_text
 from runtime.setup.discover.can_traffic import IdTraffic, traffic_of
+from runtime.setup.discover.counts_heard import counts_heard, counts_line
 from runtime.setup.discover.dbc_match import layouts_in
 from runtime.setup.discover.listen import LaserFound, bus_named, can_interfaces, find_laser, hear, laser_urls
 from runtime.setup.discover.questions import BUS, DBC, LASER, Ask, laser_url, rover_name, until_found
@@ -82,14 +83,17 @@ def set_up(
     dbc = None if known.dbc is None else str(known.dbc)
     _in_dbc(dbc, [])
     find, listen = search
-    laser = until_found(lambda url: _laser(url, find), known.laser_url, LASER, known.ask, say)
+    laser = until_found(lambda url: _laser(url, find, say), known.laser_url, LASER, known.ask, say)
     say(f"laser     {laser.line()}")
-    bus, traffic = until_found(lambda bus: _busiest(bus, listen), known.bus, BUS, known.ask, say)
+    bus, frames = until_found(lambda bus: _busiest(bus, listen, say), known.bus, BUS, known.ask, say)
+    traffic = traffic_of(frames)
     for each in traffic:
         say(f"heard     {each.line()}")
     fitting = until_found(lambda file: _fitting(file, bus, traffic), dbc, DBC, known.ask, say)
     for fit in fitting:
         say(f"wheels    {fit.name}, recognised by {fit.why}")
+    if (counts := counts_heard(fitting[0].layout, frames)) is not None:
+        say(counts_line(counts))
     text = configuration_text(name, laser, bus, beside(fitting[0], path), geometry())
     load_configuration_text(text, source=str(path), recorded=False)
     try:
@@ -118,9 +122,10 @@ def next_lines(path: Path) -> list[str]:
     ]
 
 
-def _laser(url: str | None, find: FindLaser) -> LaserFound:
+def _laser(url: str | None, find: FindLaser, say: Say) -> LaserFound:
     """The laser that answers. Raises SensorError, UsageError."""
     urls = laser_urls() if url is None else [laser_url(url)]
+    say(f"asking    for a laser at {', '.join(urls)}")
     laser = find(urls)
     if laser is None:
         raise SensorError(f"no laser answered at {', '.join(urls)}; check its power and cable, or give --laser URL")
@@ -147,26 +152,27 @@ def _fitting(file: str | None, bus: BusSettings, traffic: list[IdTraffic]) -> li
     return fitting
 
 
-def _busiest(name: str | None, listen: Hear) -> tuple[BusSettings, list[IdTraffic]]:
-    """The bus on which the most is heard. Raises SensorError, UsageError."""
+def _busiest(name: str | None, listen: Hear, say: Say) -> tuple[BusSettings, list[CanFrame]]:
+    """The bus on which the most is heard, and that. Raises SensorError, UsageError."""
     names = can_interfaces() if name is None else [name]
     if not names:
         raise SensorError(
             "this machine has no CAN interface; plug in the adapter, or give --can, for example --can can0"
         )
-    heard: list[tuple[BusSettings, list[IdTraffic]]] = []
+    heard: list[tuple[BusSettings, list[CanFrame]]] = []
     troubles = []
     for each in names:
         try:
             bus = bus_named(each)
         except ValueError as error:
             raise UsageError(f"--can {each}: expected can0 or INTERFACE:CHANNEL[:PORT]") from error
+        say(f"listening on {each} for {LISTEN_S:g} s; push the rover forward a little meanwhile")
         try:
-            heard.append((bus, traffic_of(listen(bus, LISTEN_S))))
+            heard.append((bus, listen(bus, LISTEN_S)))
         except DriverError as error:
             troubles.append(str(error))
-    busiest = max(heard, key=lambda each: sum(found.frames for found in each[1]), default=None)
-    if busiest is None or not busiest[1]:
+    busiest = max(heard, key=lambda each: sum(found.frames for found in traffic_of(each[1])), default=None)
+    if busiest is None or not traffic_of(busiest[1]):
         why = "; ".join(troubles) or "check power, bit rate and termination of the bus"
         raise SensorError(f"nothing was heard on {', '.join(names)} in {LISTEN_S:g} s: {why}")
     return busiest

@@ -13,7 +13,9 @@ from runtime.setup.discover.wheel_layouts import LayoutFound
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """What nobody can hear on a wire; metres. laser_ahead_m: from the middle of the wheels' axle."""
+    """What nobody can hear on a wire; metres. laser_ahead_m: from the middle of the wheels' axle. reversed_wheels:
+    "left" and "right", whose counts fall when the rover drives forward.
+    """
 
     wheel_radius_m: float
     tread_m: float
@@ -21,6 +23,7 @@ class Geometry:
     laser_ahead_m: float
     laser_backwards: bool = False
     laser_upside_down: bool = False
+    reversed_wheels: tuple[str, ...] = ()
 
 
 def configuration_text(
@@ -49,6 +52,7 @@ def configuration_text(
         "[encoders]",
         f"period_ms = {round(1000.0 / wheels.rate_hz, 1)!r}  # between two frames of one wheel, as heard",
         "",
+        *_signs(geometry),
         "[encoders.bus]",
         f"interface = {json.dumps(bus.interface)}",
         f"channel = {json.dumps(bus.channel)}",
@@ -57,6 +61,12 @@ def configuration_text(
         *_layout_lines(wheels, geometry),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _signs(geometry: Geometry) -> list[str]:
+    """Tables of the wheels that count backwards."""
+    line = "sign = -1  # its count falls when the rover drives forward"
+    return [word for side in geometry.reversed_wheels for word in (f"[encoders.{side}]", line, "")]
 
 
 def _layout_lines(wheels: LayoutFound, geometry: Geometry) -> list[str]:

@@ -31,7 +31,10 @@ def test_a_rover_without_a_simulation_is_simulated_as_its_file_says_and_what_it_
         stop.set()
         desk.join()
     assert "infant setup --laser tcp://127.0.0.1:" in stream.getvalue()
-    assert " --wheel-radius 0.0825 --tread 0.42 --counts-per-rev 4096 --laser-ahead 0.25\n" in stream.getvalue()
+    assert (
+        " --wheel-radius 0.0825 --tread 0.42 --counts-per-rev 4096 --laser-ahead 0.25 --reverse right\n"
+        in stream.getvalue()
+    )
     encoders = load_configuration(ODRIVE).encoders
     assert encoders is not None
     assert len(load_candump(candump, encoders).arrays["odom_t"]) > 20

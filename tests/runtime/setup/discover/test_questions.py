@@ -10,7 +10,7 @@ from drivers.settings.can import BusSettings
 from drivers.settings.layouts import DbcLayout
 from runtime.errors import UsageError
 from runtime.setup.discover.listen import LaserFound
-from runtime.setup.discover.questions import KEYS, laser_url, measure, rover_name
+from runtime.setup.discover.questions import KEYS, laser_url, measure, reversed_wheels, rover_name, yes_or_no
 from runtime.setup.discover.wizard import Known, set_up
 from tests.runtime.setup.discover.test_wizard import GEOMETRY, LASER, frames_of, searching
 
@@ -54,6 +54,26 @@ def test_a_wrong_option_is_a_sentence_before_anything_is_searched(
         set_up(tmp_path / "a.toml", name, known, lambda: GEOMETRY, lambda _line: None, (search, search))  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(("text", "means"), [("y", True), (" Yes", True), ("N", False), ("no", False), ("", False)])
+def test_yes_and_no_are_understood_and_enter_is_no(text: str, means: bool) -> None:
+    assert yes_or_no(text) is means
+
+
+@pytest.mark.parametrize(
+    ("text", "sides"), [("", ()), ("None", ()), ("right ", ("right",)), ("both", ("left", "right"))]
+)
+def test_wheels_that_count_backwards_are_named(text: str, sides: tuple[str, ...]) -> None:
+    assert reversed_wheels(text) == sides
+    with pytest.raises(UsageError, match="front: expected left, right, both, none"):
+        reversed_wheels("front")
+
+
+@pytest.mark.parametrize("text", ["maybe", "yesterday", "0"])
+def test_what_is_neither_yes_nor_no_is_asked_again(text: str) -> None:
+    with pytest.raises(UsageError, match=f"{text}: expected y for yes or n for no"):
+        yes_or_no(text)
+
+
 def test_what_is_not_found_is_asked_for_until_it_is(tmp_path: Path) -> None:
     answers: Iterator[str] = iter(["tcp:/wrong", "tcp://10.0.0.7:10940", "can1"])
     asked, said = list[str](), list[str]()
@@ -74,6 +94,12 @@ def test_what_is_not_found_is_asked_for_until_it_is(tmp_path: Path) -> None:
     result = set_up(tmp_path / "a.toml", "r1", known, lambda: GEOMETRY, said.append, (find, listen))  # type: ignore[arg-type]
     assert result.bus.channel == "can1"
     assert [question.split()[0] for question in asked] == ["address", "address", "CAN"]
+    assert [line for line in said if line.startswith(("asking", "listening"))] == [
+        "asking    for a laser at tcp://10.0.0.8",
+        "asking    for a laser at tcp://10.0.0.7:10940",
+        "listening on can0 for 3 s; push the rover forward a little meanwhile",
+        "listening on can1 for 3 s; push the rover forward a little meanwhile",
+    ]
     assert [line for line in said if "can0 is down" in line or "no laser answered" in line or "--laser" in line] == [
         "no laser answered at tcp://10.0.0.8; check its power and cable, or give --laser URL",
         "--laser tcp:/wrong: expected tcp://HOST:PORT or serial:///dev/NAME, optionally with ?baud=N",

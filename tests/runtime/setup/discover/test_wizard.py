@@ -24,6 +24,7 @@ from runtime.errors import SensorError, StorageError, UsageError
 from runtime.settings.configuration import load_configuration
 from runtime.setup.discover import wizard
 from runtime.setup.discover.can_traffic import traffic_of
+from runtime.setup.discover.counts_heard import counts_heard, counts_line
 from runtime.setup.discover.dbc_match import layouts_in
 from runtime.setup.discover.listen import LaserFound, bus_named, can_interfaces, find_laser, hear
 from runtime.setup.discover.wheel_layouts import LayoutFound, layouts_that_fit
@@ -234,3 +235,25 @@ def test_a_dbc_beside_the_file_is_named_relative_to_it(tmp_path: Path) -> None:
     found = LayoutFound("DBC", layout, 50.0, "0x110")
     assert beside(found, tmp_path / "rover.toml").layout == layout.model_copy(update={"file": "maker/rover.dbc"})
     assert beside(found, tmp_path / "elsewhere" / "rover.toml") == found
+
+
+@pytest.mark.parametrize("layout", [DbcLayout(), *PRESETS], ids=lambda layout: getattr(layout, "name", "infant"))
+def test_how_far_each_wheel_counted_is_told_and_a_count_that_falls_gets_its_sign(
+    layout: Layout, tmp_path: Path
+) -> None:
+    """Of motors that face each other, one counts backwards: without its sign the rover spins where it drives on."""
+    forward = frames_of(layout)
+    left, right = counts_heard(layout, forward) or (0.0, 0.0)
+    assert left > 0.0
+    assert right == pytest.approx(left, rel=0.05)
+    assert counts_line((left, right)).endswith("both rise")
+    assert "needs --reverse right" in counts_line((left, -right))
+    assert counts_line((0.0, 0.0)).endswith("no wheel turned")
+    assert counts_heard(layout, forward[:1]) is None
+    path, said = tmp_path / "rover.toml", list[str]()
+    told = replace(GEOMETRY, reversed_wheels=("right",))
+    set_up(path, "r1", Known(bus="can0"), lambda: told, said.append, searching(forward))
+    assert any(line.startswith("counts    left +") for line in said)
+    found = load_configuration(path).encoders
+    assert found is not None
+    assert (found.left.sign, found.right.sign) == (1, -1)
