@@ -144,7 +144,8 @@ def setup(
         raise UsageError(f"{wanted}: missing; measure it, geometry is never guessed")
 
     def geometry() -> Geometry:
-        facing, falling = (backwards, upside_down), tuple(side for side in Side if side in (reverse or []))
+        facing = (backwards, upside_down)
+        falling: tuple[str, ...] = tuple(side for side in Side if side in (reverse or []))
         if missing:
             numbers.update({option: _asked(GEOMETRY[option], partial(measure, option)) for option in missing})
             falling = falling or _asked(REVERSED, reversed_wheels, "")
