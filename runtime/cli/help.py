@@ -1,5 +1,6 @@
 """How `infant --help` reads: commands in groups by what a person wants to do, whole sentences, an example for each."""
 
+import re
 from typing import Any
 
 import typer
@@ -72,8 +73,24 @@ def epilog(name: str) -> str | None:
     return "\n".join(("\b", word, *(f"  {line}" for line in lines))) if lines else None
 
 
+TYPES = {"str": "text", "Path": "path", "float": "number", "int": "whole number"}
+
+
+def plain_type(words: str) -> str:
+    """A row of the help with the type of its value as a person calls it: `<list[str]>` is `<text>`."""
+    found = re.search(r"<(?:list\[)?([^\[\]<>]+?)\]?( range)?>", words)
+    return words if found is None else words.replace(found[0], f"<{TYPES.get(found[1], found[1])}>")
+
+
 class PlainUsage(TyperCommand):
-    """A command whose usage names an argument as it is typed; typer's own puts braces around it."""
+    """A command whose help names words and types as a person does; typer's own has braces and types of Python."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments and options."""
+        write = formatter.write_dl
+        formatter.write_dl = lambda rows: write([(plain_type(words), told) for words, told in rows])
+        super().format_options(ctx, formatter)
+        formatter.write_dl = write
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """The words of the usage line."""

@@ -12,6 +12,7 @@ import pytest
 from typer.main import get_command
 
 from runtime.cli import __main__ as cli
+from runtime.cli.help import plain_type
 from runtime.record.check import verify_run
 from runtime.source_tree import ROOT
 from tests.support.runtime.seeded_runs import seeded_facts
@@ -107,6 +108,20 @@ def test_a_clash_of_names_is_told_in_json_before_there_is_a_command_line(
         runpy.run_path(str(tmp_path / "infant.py"), run_name="__main__")
     assert ended.value.code == 70
     assert "virtual environment of its own" in json.loads(capsys.readouterr().out)["error"]["reason"]
+
+
+@pytest.mark.parametrize(
+    ("words", "plain"),
+    [
+        ("--duration <float range>", "--duration <number>"),
+        ("RUN <list[Path]>", "RUN <path>"),
+        ("--reverse <list[left|right]>", "--reverse <left|right>"),
+        ("--seed <int>", "--seed <whole number>"),
+        ("--out FILE", "--out FILE"),
+    ],
+)
+def test_the_help_names_types_as_a_person_does(words: str, plain: str) -> None:
+    assert plain_type(words) == plain
 
 
 def test_the_usage_names_words_as_they_are_typed() -> None:
