@@ -3,7 +3,7 @@
 import json
 import os
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from tokenize import TokenError
@@ -21,6 +21,9 @@ from runtime.importers.parsing.left_out import LeftOut
 from runtime.messages.tick import Record
 
 LARGEST_BYTES = 1 << 32  # of all arrays together; a day of a fast laser has a tenth
+FREE_BYTES, MOST_TIMES = 1 << 26, 16  # of all arrays: so many, or so many times the size of the file; 7 times was seen
+FREE_ROWS, PACKED_BYTES_A_ROW = 100_000, 8  # rows with a time, each a value of its own in memory; 18 bytes were seen
+FREE_BEAMS, BEAMS_A_PACKED_BYTE = 12_500_000, 2  # twelve bytes of memory each; 1.6 beams in a byte were seen
 END_OF_DIRECTORY, LONGEST_END, LARGEST_DIRECTORY = b"PK\5\6", 1 << 16, 1 << 18  # of zip
 LARGEST_META = 1 << 20
 NO_NUMBERS = (ValueError, SyntaxError, TokenError, RecursionError, MemoryError, TypeError, ArithmeticError)
@@ -90,6 +93,7 @@ def load_archive(source: Path) -> Archive:
         arrays = _arrays(path)
     except UNREADABLE as error:
         raise DataSetError(f"{path} cannot be read as a data set ({error}); fetch it again") from error
+    _check_room(path, arrays)
     meta = _meta(path, arrays.pop(META, None))
     left_out = LeftOut()
     return Archive(str(meta.get("name", path.stem)), path, checked(path, arrays, meta, left_out), meta, left_out)
@@ -108,7 +112,8 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     ):
         raise DataSetError(f"{path} holds a name twice, or is packed as numpy does not; save it again with numpy.savez")
     size = sum(size for name, size in sizes.items() if name in KNOWN)
-    most = min(LARGEST_BYTES, Inflation(path.stat().st_size).left)
+    packed = path.stat().st_size
+    most = min(LARGEST_BYTES, Inflation(packed).left, max(FREE_BYTES, MOST_TIMES * packed))
     if size > most:
         raise DataSetError(
             f"{path} unpacks to {size / 1e6:.0f} MB, expected at most {most / 1e6:.0f} MB of such a file"
@@ -125,6 +130,21 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
                     f"{path}: array {name} cannot be read; expected plain numbers as numpy.savez writes them"
                 ) from error
     return {name: array for name, array in arrays.items() if isinstance(array, np.ndarray)}
+
+
+def _check_room(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Raises DataSetError for rows and beams of which far more come out of a file than a recording has."""
+    packed = path.stat().st_size
+    rows = sum(array.shape[0] for name, array in arrays.items() if name.endswith("_t") and array.ndim)
+    beams = arrays["ranges"].size if "ranges" in arrays else 0
+    for what, count, most in (
+        ("rows with a time", rows, FREE_ROWS + packed // PACKED_BYTES_A_ROW),
+        ("beams", beams, max(FREE_BEAMS, BEAMS_A_PACKED_BYTE * packed)),
+    ):
+        if count > most:
+            raise DataSetError(
+                f"{path} holds {count} {what}, expected at most {most} in {packed} bytes; split the recording"
+            )
 
 
 def _check_directory(path: Path) -> None:

@@ -73,9 +73,11 @@ def _sightings(archive: Archive) -> Iterator[Sightings]:
     known = "obs_id" in archive
     identities = archive["obs_id"].astype(np.int64) if known else np.full(len(archive["obs_t"]), UNKNOWN)
     stamps_ns = np.array(archive.stamps_ns("obs_t"))
-    kept = ~np.isin(identities, OTHER_ROBOTS)
-    for stamp_ns in np.unique(stamps_ns[kept]):
-        rows = kept & (stamps_ns == stamp_ns)
+    kept = np.flatnonzero(~np.isin(identities, OTHER_ROBOTS))
+    kept = kept[np.argsort(stamps_ns[kept], kind="stable")]
+    instants_ns, firsts = np.unique(stamps_ns[kept], return_index=True)
+    for stamp_ns, first, end in zip(instants_ns, firsts, [*firsts[1:], len(kept)], strict=True):
+        rows = kept[first:end]
         ranges_m = archive["obs_range"][rows].astype(np.float64)
         bearings_rad = archive["obs_bearing"][rows].astype(np.float64)
         yield Sightings(int(stamp_ns), ranges_m, bearings_rad, identities[rows])

@@ -15,12 +15,14 @@ from pathlib import Path
 
 from drivers.settings.can import BusSettings
 from runtime.atomic_write import atomic_write
+from runtime.bounded_read import read_bounded
 from runtime.errors import ConfigurationError, PreflightError, StorageError
 from runtime.settings.configuration import Configuration, load_configuration
 from runtime.setup.validation import validate_for_live_run
 from runtime.source_tree import CONFIG, SYSTEMD, shipped_configuration
 
 SHIPPED_PROGRAM = Path("/opt/infant/.venv/bin/infant")  # as the units of the repository name it
+LARGEST_FILE = 1 << 20  # bytes; a unit has 2 kB, a DBC of a maker 200 kB
 CONFIGURATION = "etc/infant/rover.toml"
 PLACES = {
     "infant.sysusers": "etc/sysusers.d/infant.conf",
@@ -76,12 +78,12 @@ def plan_install(root: Path, program: Path, configuration: Path | None = None) -
     source = shipped_configuration(configuration or CONFIG / "rover.toml")
     configured = load_configuration(source)
     validate_for_live_run(configured, str(source))
-    chosen = _planned(source, root / CONFIGURATION, program)
+    chosen = _planned(source, root / CONFIGURATION, program, root)
     notes: tuple[str, ...] = ()
     kept = chosen.state is FileState.DIFFERS
     in_force = load_configuration(chosen.path) if kept else configured
     bus = None if in_force.encoders is None else in_force.encoders.bus
-    files = tuple(_planned(SYSTEMD / name, root / place, program, bus) for name, place in PLACES.items())
+    files = tuple(_planned(SYSTEMD / name, root / place, program, root, bus) for name, place in PLACES.items())
     if kept:
         chosen = PlannedFile(chosen.path, chosen.text, FileState.KEPT, chosen.diff)
         validate_for_live_run(in_force, str(chosen.path))
@@ -118,7 +120,7 @@ def _layout_file(configuration: Configuration, source: Path, root: Path, program
     if ".." in named.parts:
         raise ConfigurationError(f"{source}: encoders.layout.file = {str(named)!r}: put it next to the configuration")
     try:
-        planned = _planned(Path(file), (root / CONFIGURATION).parent / named, program)
+        planned = _planned(Path(file), (root / CONFIGURATION).parent / named, program, root)
     except StorageError as error:
         raise ConfigurationError(f"{error}; save {file} as UTF-8 text") from error
     kept = planned.state is FileState.DIFFERS
@@ -130,7 +132,7 @@ def plan_removal(root: Path, program: Path) -> Plan:
     files = []
     shipped = ((SYSTEMD / name, place) for name, place in PLACES.items())
     for source, place in (*shipped, (CONFIG / "rover.toml", CONFIGURATION)):
-        planned = _planned(source, root / place, program)
+        planned = _planned(source, root / place, program, root)
         kept = place == CONFIGURATION and planned.state is FileState.DIFFERS
         state = FileState.KEPT if kept else FileState.REMOVED
         state = FileState.ABSENT if planned.state is FileState.NEW else state
@@ -218,8 +220,9 @@ def _is_active(unit: str) -> bool:
     return subprocess.run([systemctl, "is-active", "--quiet", unit], capture_output=True, check=False).returncode == 0
 
 
-def _planned(source: Path, target: Path, program: Path, bus: BusSettings | None = None) -> PlannedFile:
+def _planned(source: Path, target: Path, program: Path, root: Path, bus: BusSettings | None = None) -> PlannedFile:
     """One file of the repository against the one in its place. bus: that of the wheels, which a file brings up."""
+    _refuse_way_out(root, target)
     text = _text(source).replace(str(SHIPPED_PROGRAM), str(program))
     if bus is not None and bus.interface == "socketcan":
         text = text.replace("Name=can0\n", f"Name={bus.channel}\n").replace(
@@ -234,9 +237,21 @@ def _planned(source: Path, target: Path, program: Path, bus: BusSettings | None 
     return PlannedFile(target, text, FileState.DIFFERS, tuple(diff))
 
 
+def _refuse_way_out(root: Path, target: Path) -> None:
+    """Raises StorageError where links of an image lead to a file of the machine that installs into it."""
+    try:
+        place = target.resolve()
+    except (OSError, RuntimeError) as error:  # links in a circle
+        raise StorageError(f"{target} cannot be found ({error}); correct the links of the image") from error
+    if not place.is_relative_to(root.resolve()):
+        raise StorageError(
+            f"{target} leads through a link to {place}, which is not in the image {root}; correct the link"
+        )
+
+
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return read_bounded(path, LARGEST_FILE).decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise StorageError(f"{path} cannot be read ({why}); install infant again") from error

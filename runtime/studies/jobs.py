@@ -14,11 +14,15 @@ from pathlib import Path
 from typing import Any
 
 from runtime.atomic_write import atomic_write
-from runtime.errors import UsageError
+from runtime.bounded_read import read_bounded
+from runtime.errors import StorageError, UsageError
+from runtime.printable import printable
 
 Result = dict[str, Any]
 Progress = Callable[[int, int], None]
 CONNECT_S = 10.0  # within which a scheduler has to answer
+LARGEST_RESULT = 64 << 20  # bytes; a drive of an hour with its path has 5 MB
+LONGEST_REASON = 200
 RETRIES = 3  # a job whose worker dies runs again; one that kills three workers is a defect
 
 
@@ -45,7 +49,7 @@ def run_jobs(jobs: Sequence[Job], folder: Path, scheduler: str | None, progress:
     """Results in the order of the jobs; `folder` keeps the finished ones.
 
     scheduler: address of a dask scheduler, "local" for all cores of this machine, None for this process.
-    Raises UsageError when the extra is missing or no scheduler answers.
+    Raises UsageError when the extra is missing or no scheduler answers, StorageError for a file that is no result.
     """
     folder.mkdir(parents=True, exist_ok=True)
     missing = {job.key: job for job in jobs if not _path(folder, job.key).exists()}
@@ -56,7 +60,7 @@ def run_jobs(jobs: Sequence[Job], folder: Path, scheduler: str | None, progress:
         atomic_write(_path(folder, key), json.dumps(result))  # a cut-off call leaves no half result behind
         done += 1
         progress(done, total)
-    return [json.loads(_path(folder, job.key).read_text()) for job in jobs]
+    return [_result(_path(folder, job.key)) for job in jobs]
 
 
 def _compute(jobs: Mapping[str, Job], scheduler: str | None) -> Iterator[tuple[str, Result]]:
@@ -100,6 +104,18 @@ def _client(scheduler: str) -> Iterator[Any]:
         distributed.Client(cluster, set_as_default=False) as client,
     ):
         yield client
+
+
+def _result(path: Path) -> Result:
+    """A finished job's. Raises StorageError."""
+    try:
+        result = json.loads(read_bounded(path, LARGEST_RESULT))
+        if isinstance(result, dict):
+            return result
+        why = "no JSON object"
+    except (OSError, ValueError, RecursionError) as error:
+        why = printable(getattr(error, "strerror", "") or str(error), LONGEST_REASON)
+    raise StorageError(f"{path} is not the result of a finished job ({why}); remove it, and it is computed again")
 
 
 def _path(folder: Path, key: str) -> Path:

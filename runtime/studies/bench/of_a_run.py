@@ -4,6 +4,7 @@ Light on purpose: the system counts the memory of whoever starts a program as th
 """
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -39,7 +40,7 @@ def measure_run(run: Path) -> Iterator[BenchFigure]:
         raise UsageError(f"{run}: expected the folder of a run, which holds run.mcap; give one, such as runs/yard")
     with tempfile.TemporaryDirectory(prefix="infant-bench-", dir=run.absolute().parent) as name:
         copy = Path(name, "run")
-        shutil.copytree(run, copy)
+        shutil.copytree(run, copy, ignore=_no_files)
         review = cost_of("review", str(copy))
         recorded_s: float = json.loads((copy / "report.json").read_text())["duration_s"]
         export = cost_of("export", str(copy), "--ros2", str(Path(name, "bag")))
@@ -48,6 +49,12 @@ def measure_run(run: Path) -> Iterator[BenchFigure]:
         yield BenchFigure(f"{command}_wall", round(cost.wall_s, 2), "s")
         yield BenchFigure(f"{command}_cpu", round(cost.cpu_s, 2), "s")
         yield BenchFigure(f"{command}_memory", round(cost.peak_mb, 1), "MB")
+
+
+def _no_files(folder: str, _names: list[str]) -> list[str]:
+    """What is not copied: folders, pipes, and links, which may lead anywhere."""
+    with os.scandir(folder) as entries:
+        return [entry.name for entry in entries if not entry.is_file(follow_symlinks=False)]
 
 
 def cost_of(*words: str) -> Cost:

@@ -325,3 +325,22 @@ def test_an_archive_that_numpy_would_not_have_written_is_refused(
 ) -> None:
     with pytest.raises(DataSetError, match=why):
         load_archive(archive_of(tmp_path / "set.npz", names, packing))
+
+
+NOISY = np.tile(np.random.default_rng(1).integers(0, 4, (20_000, 20), np.uint8), (1, 35))  # packs to a fiftieth
+
+
+@pytest.mark.parametrize(
+    ("arrays", "told"),
+    [
+        ({"odom_t": 0.01 * np.arange(300_000), "odom_pose": np.zeros((300_000, 3))}, "rows with a time"),
+        ({"scan_t": 0.01 * np.arange(200_000), "ranges": np.ones((200_000, 4), np.float32)}, "rows with a time"),
+        ({"scan_t": 0.1 * np.arange(20_000), "ranges": NOISY}, "beams"),
+    ],
+)
+def test_more_rows_or_beams_than_so_few_bytes_hold_of_a_recording_are_refused(
+    tmp_path: Path, arrays: dict[str, Any], told: str
+) -> None:
+    np.savez_compressed(tmp_path / "set.npz", meta=np.array(json.dumps(META)), **(SCANS | POSES | arrays))
+    with pytest.raises(DataSetError, match=rf"holds \d+ {told}, expected at most \d+ in \d+ bytes"):
+        load_archive(tmp_path / "set.npz")

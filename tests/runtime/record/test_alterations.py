@@ -1,5 +1,6 @@
 """A replay proves something of a run only where the run is what was closed; one that was killed is what it is."""
 
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -49,6 +50,13 @@ def test_what_is_cut_off_or_gone_though_it_was_closed_is_named(tmp_path: Path) -
     folder = driven(tmp_path / "gone")
     folder.closed_path(2).unlink()
     assert "run-0002.mcap is missing" in altered(folder)[0]
+
+
+def test_a_segment_that_claims_to_be_endless_is_named_without_reading_it(tmp_path: Path) -> None:
+    folder = driven(tmp_path / "endless")
+    folder.closed_path(2).chmod(0o644)
+    os.truncate(folder.closed_path(2), 1 << 42)  # of nothing: it takes no room on the disk
+    assert "run-0002.mcap is not as it was when it was closed" in altered(folder)[0]
 
 
 def test_changed_bytes_of_a_run_that_was_killed_are_named(tmp_path: Path) -> None:

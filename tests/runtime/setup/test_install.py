@@ -1,6 +1,7 @@
 """Installing shows what it would do, does it once, keeps what an engineer wrote, and can be undone."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -122,6 +123,39 @@ def test_a_folder_that_refuses_is_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "etc").write_text("a file where a folder should be")
     with pytest.raises(StorageError, match=r"cannot be written \(.*\); check the mount"):
         installed(tmp_path)
+
+
+@pytest.mark.parametrize("link", ["etc", "etc/systemd", "etc/systemd/system", UNIT, "etc/infant", CONFIGURATION])
+@pytest.mark.parametrize("is_relative", [False, True])
+def test_no_link_of_an_image_leads_out_of_it(tmp_path: Path, link: str, is_relative: bool) -> None:
+    root, victim = tmp_path / "image", tmp_path / "victim"
+    victim.mkdir()
+    (root / link).parent.mkdir(parents=True)
+    (root / link).symlink_to(os.path.relpath(victim, (root / link).parent) if is_relative else victim)
+    for plan in (install.plan_install, install.plan_removal):
+        with pytest.raises(StorageError, match=r"leads through a link to .*, which is not in the image"):
+            plan(root, SHIPPED_PROGRAM)
+    assert not any(victim.iterdir())
+
+
+def test_a_link_within_an_image_is_followed(tmp_path: Path) -> None:
+    (tmp_path / "usr" / "etc").mkdir(parents=True)
+    (tmp_path / "etc").symlink_to("usr/etc")
+    installed(tmp_path)
+    assert (tmp_path / "usr" / UNIT).is_file()
+
+
+def test_a_unit_that_is_a_pipe_or_endless_is_one_sentence(tmp_path: Path) -> None:
+    unit = tmp_path / UNIT
+    unit.parent.mkdir(parents=True)
+    os.mkfifo(unit)
+    with pytest.raises(StorageError, match="not a regular file"):
+        install.plan_install(tmp_path, SHIPPED_PROGRAM)
+    unit.unlink()
+    with unit.open("wb") as stream:
+        stream.truncate(1 << 34)
+    with pytest.raises(StorageError, match="more than the"):
+        install.plan_removal(tmp_path, SHIPPED_PROGRAM)
 
 
 @pytest.fixture

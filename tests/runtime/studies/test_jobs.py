@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.errors import UsageError
+from runtime.errors import StorageError, UsageError
 from runtime.studies.jobs import Job, run_jobs
 
 
@@ -46,6 +46,21 @@ def test_a_half_written_result_does_not_count(tmp_path: Path) -> None:
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / f".{job.key}.json.0123456789abcdef.unfinished").write_text('{"squ')
     assert run_jobs([job], tmp_path / "results", None, ignore) == [{"square": 16}]
+
+
+@pytest.mark.parametrize("content", [b'{"squ', b"[1]", b"[" * 100_000, b"\xff\xfe", b'"\x1b[2J"', None])
+def test_a_file_that_is_no_result_is_one_printable_sentence_with_its_name(
+    tmp_path: Path, content: bytes | None
+) -> None:
+    job = Job(square, {"value": 4, "calls": str(tmp_path / "calls")})
+    path = tmp_path / f"{job.key}.json"
+    if content is None:
+        os.mkfifo(path)
+    else:
+        path.write_bytes(content)
+    with pytest.raises(StorageError, match=rf"{path} is not the result of a finished job .*; remove it") as refused:
+        run_jobs([job], tmp_path, None, ignore)
+    assert str(refused.value).isprintable()
 
 
 def test_two_jobs_differ_by_their_arguments() -> None:
