@@ -20,6 +20,7 @@ CONFIRMATIONS = 2  # frames of the candidate, the first one included, before the
 STALE_CONFIRMATIONS = 5  # the same where they bear the boot id of before: late frames come at most 3 late
 SENDERS_SURE = 4  # interleaved frames of a candidate: late frames before a restart are at most 3
 SENDERS_FORGOTTEN = 15  # frames of the current sequence alone, after which there is one sender again
+SCATTERED = 3  # frames that belong to nothing: what then fits in the time that has passed may do so by chance
 SENTINEL_PERIODS = 3.0  # a value that may mean "not available" is a count only where the last one is this near
 
 
@@ -52,6 +53,7 @@ class WheelCounter:
         self._stale_boot: int | None = None
         self._interleaved = 0
         self._alone = 0
+        self._scattered = 0
         self._residual = 0.0
         self._expected: float | None = 0.0
         self._missing = 0
@@ -90,9 +92,6 @@ class WheelCounter:
             self.frozen.add()
             return self._judge_candidate(stamp_ns, reading, reason)
         elapsed_ns = stamp_ns - sequence.stamp_ns
-        if self._is_ambiguous(sequence, stamp_ns, reading):
-            self._begin(FrameSequence(stamp_ns, reading))
-            return None
         delta = self._delta(sequence.reading, reading)
         if reading.direction == 0 and delta != 0.0:
             self.restart()
@@ -100,10 +99,16 @@ class WheelCounter:
         if self._goes_with_candidate(stamp_ns, reading):
             self._integrate_speed(stamp_ns, reading)
             return self._judge_candidate(stamp_ns, reading, "jump")
+        if self._is_ambiguous(sequence, stamp_ns, reading):
+            self._begin(FrameSequence(stamp_ns, reading))
+            return None
         if self._alive.too_soon(steps, elapsed_ns / self._period_ns):
             return self._judge_candidate(stamp_ns, reading, "too_soon")
         if not self._possible(delta, elapsed_ns, steps):
             return self._judge_candidate(stamp_ns, reading, "jump")
+        if self._scattered >= SCATTERED and elapsed_ns > SCATTERED * self._period_ns:
+            self._begin(FrameSequence(stamp_ns, reading))
+            return None
         self._integrate_speed(stamp_ns, reading)
         if self._speed_disagrees(delta):
             return self._judge_candidate(stamp_ns, reading, "stuck" if delta == 0.0 else "speed_disagrees")
@@ -195,7 +200,7 @@ class WheelCounter:
             self.counters["gap"] += 1
         self._sequence, self._candidate, self._seen = sequence, None, sequence
         self._residual, self._expected, self._missing = 0.0, 0.0, 0
-        self._interleaved = self._alone = 0
+        self._interleaved = self._alone = self._scattered = 0
         self._alive.restart()
         self._alive.accept(sequence.reading.alive, sequence.reading.position, 1, 1.0)
         self._note(sequence.stamp_ns)
@@ -209,7 +214,7 @@ class WheelCounter:
         )
         if self._expected is not None and not self._missing:
             self._residual = RESIDUAL_KEPT * self._residual + delta - self._expected
-        self._expected, self._missing = 0.0, 0
+        self._expected, self._missing, self._scattered = 0.0, 0, 0
         self.frozen.drain()
         self.total += self._sign * delta
         self.speed_mps = self._sign * delta / self._counts_per_metre / max(elapsed_ns, self._period_ns) * 1e9
@@ -241,6 +246,7 @@ class WheelCounter:
             return reason  # late or twice, as on the current sequence
         delta = self._delta(candidate.reading, reading)
         if not self._continues(candidate, stamp_ns, reading, delta, steps):
+            self._scattered += 1
             self._candidate = FrameSequence(stamp_ns, reading, has_jumped=reason == "jump")
             return reason
         if candidate.confirmed == 0:

@@ -12,7 +12,7 @@ import typer
 
 from runtime.cli.begin_in import BeginIn, LocaliseOnly, StartAt
 from runtime.cli.output import answer, say, say_json, say_states
-from runtime.cli.progress import AsJson, busy
+from runtime.cli.progress import LONGEST_S, AsJson, busy
 
 Config = Annotated[
     Path, typer.Option("--config", help="TOML file, or the name of a shipped one: mock drives the simulated rover")
@@ -28,6 +28,7 @@ def run(
         float | None,
         typer.Option(
             min=0.1,
+            max=LONGEST_S,
             help="seconds for the whole run: loading, compiling the kernels if that is needed, and closing count too; "
             "by default a simulated rover drives for 60, and a real one until Ctrl-C",
         ),

@@ -8,7 +8,7 @@ import typer
 
 from runtime.cli.live import stopping
 from runtime.cli.output import answer
-from runtime.cli.progress import AsJson, progress_bar
+from runtime.cli.progress import LONGEST_S, AsJson, progress_bar
 
 Map = Annotated[Path, typer.Argument(metavar="MAP", help="file of a saved map", show_default=False)]
 
@@ -95,7 +95,9 @@ def live(
         Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for the router of a fleet")
     ] = None,
     resolution: Annotated[float, typer.Option(min=0.02, max=10.0, help="cell size of the grid, m")] = 0.05,
-    duration: Annotated[float | None, typer.Option(min=1.0, help="seconds; default: until Ctrl-C")] = None,
+    duration: Annotated[
+        float | None, typer.Option(min=1.0, max=LONGEST_S, help="seconds; default: until Ctrl-C")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Publish the occupancy grid of a running rover once a second on infant/ROVER/grid, from a separate process."""

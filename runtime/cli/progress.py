@@ -21,6 +21,7 @@ def busy(task: str) -> Iterator[None]:
         yield
 
 
+LONGEST_S = 1e8  # three years: of what is longer nobody waits for the end
 AsJson = Annotated[bool, typer.Option("--json", help="print one JSON object on standard output and nothing else")]
 
 

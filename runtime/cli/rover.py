@@ -10,7 +10,7 @@ import typer
 
 from runtime.cli.live import stopping
 from runtime.cli.output import answer, say, say_json
-from runtime.cli.progress import AsJson
+from runtime.cli.progress import LONGEST_S, AsJson
 
 Rover = Annotated[str | None, typer.Option("--rover", help="name of the rover; default: the only one that answers")]
 Connect = Annotated[
@@ -22,7 +22,9 @@ Connect = Annotated[
 ZenohFile = Annotated[
     Path | None, typer.Option("--zenoh", help="zenoh configuration with the certificate for the router of a fleet")
 ]
-Duration = Annotated[float | None, typer.Option("--duration", min=1.0, help="seconds; default: until Ctrl-C")]
+Duration = Annotated[
+    float | None, typer.Option("--duration", min=1.0, max=LONGEST_S, help="seconds; default: until Ctrl-C")
+]
 
 Resolution = Annotated[float, typer.Option(min=0.02, max=10.0, help="cell size of /map, m")]
 Grid = Annotated[bool, typer.Option("--map/--no-map", help="whether to make /map from poses and scans")]

@@ -10,7 +10,7 @@ import typer
 
 from runtime.cli.begin_in import BeginIn, LocaliseOnly, StartAt
 from runtime.cli.output import answer, say, say_json
-from runtime.cli.progress import AsJson, busy, progress_bar
+from runtime.cli.progress import LONGEST_S, AsJson, busy, progress_bar
 from runtime.errors import InfantError, StorageError, UsageError
 
 
@@ -183,7 +183,9 @@ def view(
     screenshot: Annotated[
         Path | None, typer.Option("--screenshot", metavar="FILE.png", help="write a picture; no screen needed")
     ] = None,
-    at: Annotated[float | None, typer.Option("--at", min=0.0, help="start at this second of the run")] = None,
+    at: Annotated[
+        float | None, typer.Option("--at", min=0.0, max=LONGEST_S, help="start at this second of the run")
+    ] = None,
     live: Annotated[bool, typer.Option("--live", help="show a running rover, over zenoh")] = False,
     connect: Annotated[
         str | None, typer.Option("--connect", metavar="ENDPOINT|HOST", help="for a live rover; default: this machine")

@@ -186,10 +186,8 @@ class McapPrefix:
     def _check_data_end(self, body: bytes, data_crc: int, stream: BinaryIO) -> None:
         if body != struct.pack("<I", data_crc):
             raise DamageError(self.offset, "the checksum over the whole file does not match")
-        crc, left = 0, self.size - stream.tell() - len(MAGIC) - 4
-        if left > max(LARGEST_RECORD_BYTES, self.offset):  # of an index: it is shorter than what it points to
-            raise DamageError(self.offset, "the index after the data is torn or damaged")
-        while left > 0 and (block := stream.read(min(left, BLOCK_BYTES))):
+        crc, left = 0, self.size - stream.tell() - len(MAGIC) - 4  # an index is shorter than what it points to
+        while 0 < left <= max(LARGEST_RECORD_BYTES, self.offset) and (block := stream.read(min(left, BLOCK_BYTES))):
             crc, left = zlib.crc32(block, crc), left - len(block)
         if left or stream.read(len(MAGIC) + 5) != struct.pack("<I", crc) + MAGIC:
             raise DamageError(self.offset, "the index after the data is torn or damaged")

@@ -3,7 +3,7 @@
 import multiprocessing
 import os
 import signal
-import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
@@ -33,7 +33,7 @@ def build_review(
     verdict: gives that of the report, for the caption; asked for when all else is drawn.
     progress gets the share that is done. Raises NotARunError, StorageError, UsageError (no rerun).
     """
-    os.environ.setdefault("RUST_LOG", "error")  # rerun's own words are not for whoever asked for a picture
+    os.environ.setdefault("RUST_LOG", "off")  # rerun's own words are not for whoever asked for a picture
     with needs("rerun", "the picture of a run"):
         from runtime.review.truth import truth_track
         from runtime.review.writer import AFTERWARDS_TICKS, ReviewWriter
@@ -100,10 +100,16 @@ def drawn_meanwhile(run: Path, out_rrd: Path) -> Iterator[Callable[[str], None]]
 def _draw(run: Path, out_rrd: Path, asked: "Connection[InfantError | None, str]") -> None:
     """The process: draws, waits for the verdict, and says what went wrong, None where nothing did."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is its parent's, which then terminates it
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    has_to_end = threading.Event()
+    signal.signal(signal.SIGTERM, lambda *_: has_to_end.set())  # raised anywhere it might be lost in a library
     outcome: InfantError | None = None
+
+    def go_on(_share: float) -> None:
+        if has_to_end.is_set():
+            raise EOFError
+
     try:
-        build_review(run, out_rrd, verdict=asked.recv)
+        build_review(run, out_rrd, progress=go_on, verdict=asked.recv)
     except EOFError:
         return  # nobody waits any more
     except InfantError as error:

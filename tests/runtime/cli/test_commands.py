@@ -180,6 +180,8 @@ def test_a_killed_run_replays_to_its_last_whole_tick_and_leaves_no_process(tmp_p
         (("run", "--config", "nowhere.toml"), 3, "nowhere.toml"),
         (("run", "--config", MOCK, "--set", "slam.particels=5"), 3, "did you mean particles?"),
         (("run", "--config", MOCK, "--set", "slam.particles"), 2, "KEY=VALUE"),
+        (("run", "--config", MOCK, "--duration", "inf"), 2, "--duration"),
+        (("page", "--duration", "1e300"), 2, "--duration"),
         (("check", "--config", ROOT / "README.md"), 3, "not valid TOML"),
         (("replay", "nowhere"), 6, "nowhere does not exist"),
         (("replay", ROOT / "config"), 6, "is not a run"),

@@ -4,6 +4,7 @@ import math
 import struct
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from drivers.canbus.frame import CanFrame
@@ -189,6 +190,33 @@ def test_a_code_in_place_of_a_count_is_no_turn(tmp_path: Path, text: str, code: 
         feed(pair, beat, 513, count)
     samples = pair.take()
     assert abs(turned_counts(samples)) < 0.05 * 0.5 * 5215.0
+    assert samples[-1].valid
+
+
+NARROW_COUNTS = COUNTS.replace("0|32@1-", "0|16@1+")
+
+
+def test_a_code_that_lasts_until_a_narrow_counter_may_have_wrapped_is_no_wheel_at_rest(tmp_path: Path) -> None:
+    pair = plain(tmp_path, NARROW_COUNTS)
+    for beat in range(600):
+        count = struct.pack("<H", 6000 + 52 * beat)
+        feed(pair, beat, 512, b"\xa0\xe0" if 100 <= beat < 400 else count)
+        feed(pair, beat, 513, count)
+    samples = pair.take()
+    assert abs(turned_counts(samples)) < 0.05 * 0.5 * 5215.0
+    assert samples[-1].valid
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_count_that_fits_by_chance_among_noise_is_no_turn(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    pair = plain(tmp_path, NARROW_COUNTS)
+    for beat in range(400):
+        count = struct.pack("<H", 6000 + 52 * beat)
+        feed(pair, beat, 512, rng.bytes(2) if 100 <= beat < 250 else count)
+        feed(pair, beat, 513, count)
+    samples = pair.take()
+    assert abs(turned_counts(samples)) < 0.25 * 5215.0  # as far as a wheel turns in four periods
     assert samples[-1].valid
 
 
