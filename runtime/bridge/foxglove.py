@@ -14,6 +14,9 @@ from runtime.publish.find_rover import find_rover
 from runtime.publish.follow import following
 from runtime.ros2.vehicle import Frames
 
+BACKLOG = 32  # messages that are kept for a client that does not read, for each anew: 1024 took 1 GB for 40 of them
+STOP_S = 2.0  # the server waits without end for whoever does not read its goodbye
+
 
 @dataclass(frozen=True, slots=True)
 class FoxgloveOptions:
@@ -36,6 +39,7 @@ class FoxgloveServer:
             import foxglove
             from foxglove.websocket import ServerListener
 
+        foxglove.set_log_level("CRITICAL")  # it says nothing then: else clients would choose what is said here
         channels = self._channels = dict[str, _Channel]()
 
         class Latecomers(ServerListener):
@@ -47,7 +51,12 @@ class FoxgloveServer:
         self._context = foxglove.Context()
         try:
             self._server = foxglove.start_server(
-                name=rover, host=host, port=port, server_listener=Latecomers(), context=self._context
+                name=rover,
+                host=host,
+                port=port,
+                server_listener=Latecomers(),
+                context=self._context,
+                message_backlog_size=BACKLOG,
             )
         except (RuntimeError, ValueError, OSError, OverflowError) as error:
             raise SensorError(f"{host}:{port} cannot be served: {error}; give others with --host and --port") from error
@@ -64,7 +73,9 @@ class FoxgloveServer:
 
     def close(self) -> None:
         """Whoever watches is let go."""
-        self._server.stop()
+        stopping = threading.Thread(target=self._server.stop, name="foxglove-stop", daemon=True)
+        stopping.start()
+        stopping.join(STOP_S)
 
 
 class _Channel:

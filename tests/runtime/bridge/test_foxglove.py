@@ -16,6 +16,7 @@ from runtime.bridge.foxglove import FoxgloveOptions, FoxgloveServer, bridge_foxg
 from runtime.bridge.topics import TOPICS
 from runtime.errors import SensorError
 from runtime.messages.definitions import deserialize
+from runtime.service.memory import resident_mb
 from tests.support.zenoh.wire import free_port, opened, publishing, put_ticks, settings_on, until
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed; make test installs it")
@@ -100,3 +101,41 @@ def test_a_port_in_use_and_an_address_not_ours_are_one_sentence() -> None:
         bridge_foxglove(
             FoxgloveOptions(connect=f"tcp/127.0.0.1:{free_port()}", rover="r1"), threading.Event(), io.StringIO()
         )
+
+
+def deaf(port: int) -> socket.socket:
+    """A client that subscribes to everything, known or not, and reads nothing from then on."""
+    client = socket.create_connection(("127.0.0.1", port))
+    client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    client.sendall(
+        b"GET / HTTP/1.1\r\nHost: x\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+        b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n"
+    )
+    client.settimeout(WAIT_S)
+    said = b""
+    while not (found := re.search(rb'"id":(\d+)', said)):
+        said += client.recv(4096)
+    asked = [{"id": number, "channelId": number} for number in (int(found[1]), 1 << 20)]
+    words = json.dumps({"op": "subscribe", "subscriptions": asked}).encode()
+    client.sendall(struct.pack(">BBH4x", 0x81, 0x80 | 126, len(words)) + words)  # masked by zeros
+    return client
+
+
+def test_clients_that_do_not_read_cost_little_memory_no_words_and_do_not_keep_it_from_ending(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    server = FoxgloveServer("r1", "127.0.0.1", 0)
+    writer = server.writer(TOPICS[0])
+    with contextlib.ExitStack() as clients:
+        for _ in range(8):
+            clients.enter_context(contextlib.closing(deaf(server.port)))
+        pause, before_mb = threading.Event(), resident_mb()
+        for _ in range(400):
+            writer.write(bytes(100_000))
+            pause.wait(0.005)
+        assert resident_mb() - before_mb < 100.0  # 8 times 32 messages; all of them are 320 MB
+        closing = threading.Thread(target=server.close, daemon=True)
+        closing.start()
+        closing.join(WAIT_S)
+        assert not closing.is_alive()
+    assert "unknown channel" not in "".join(capfd.readouterr())
