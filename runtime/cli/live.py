@@ -237,7 +237,11 @@ def status(
         answers = rovers.watch_status(endpoints, 1.0, file, refused)
     else:
         answers = iter([rovers.fetch_status(endpoints, config_file=file, refused=refused)])
+    is_waiting = False
     for statuses in answers:
+        if watch and not statuses and not is_waiting:
+            say(f"infant: {rovers.silence_sentence(endpoints)}; waiting until one does", err=True)
+        is_waiting = not statuses
         error = None if statuses or watch else SensorError(rovers.silence_sentence(endpoints))
         if as_json:
             say_json({"rovers": statuses}, error)

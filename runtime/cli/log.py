@@ -23,8 +23,10 @@ def info(run: Run, as_json: AsJson = False) -> None:
     say(f"run       {facts['run']}  {facts['source']}  {facts['created_utc']}  {facts['bytes'] / 1e6:.1f} MB")
     say(f"version   infant {facts['versions'].get('infant', 'unknown')}")
     say(f"manifest  {facts['manifest']}")
+    start_s = min((each["from_s"] for each in facts["segments"] if each["from_s"] is not None), default=0.0)
     for segment in facts["segments"]:
-        span = "" if segment["from_s"] is None else f"  {segment['from_s']:.1f} to {segment['to_s']:.1f} s"
+        from_s, to_s = segment["from_s"], segment["to_s"]
+        span = "" if from_s is None else f"  {from_s - start_s:.1f} to {to_s - start_s:.1f} s"
         ticks = "" if segment["ticks"] is None else f"  {segment['ticks']} ticks"
         marked = "  marked" if segment["marked"] else ""
         size = f"{segment['bytes'] / 1e6:.2f} MB"

@@ -157,7 +157,7 @@ def _settings_of(follower: Follower, endpoint: str) -> SlamSettings:
     text = follower.ask("configuration")
     if text is None:
         raise SensorError(
-            f"{follower.rover} does not answer at {endpoint}; is infant run running, and is this its name?"
+            f"{follower.rover} does not answer at {endpoint}; start it with infant run, and check its name"
         )
     source = f"configuration of {follower.rover}"
     return load_configuration_text(text.decode(errors="replace"), source=source).slam

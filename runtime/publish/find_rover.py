@@ -35,7 +35,9 @@ def find_rover(connect: str | None, rover: str | None, config_file: str | None =
             break
     if rover is not None and rover not in found:
         others = f"; {', '.join(sorted(found))} answers there" if found else ""
-        raise SensorError(f"{rover} does not answer at {_where(endpoints)}; is infant run running?{others}")
+        raise SensorError(
+            f"{rover} does not answer at {_where(endpoints)}; start it with infant run, or give --connect{others}"
+        )
     if not found:
         raise SensorError(silence_sentence(endpoints))
     if rover is None and len(found) > 1:

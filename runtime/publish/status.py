@@ -128,7 +128,7 @@ def status_table(statuses: Sequence[Mapping[str, Any]]) -> list[str]:
 def silence_sentence(connect: Sequence[str] = ENDPOINTS) -> str:
     """What to say when no rover answers."""
     where = ", ".join(connect)
-    return f"no rover answers at {where}; is infant run running, and does publish.listen name one of these?"
+    return f"no rover answers at {where}; start one with infant run, and check that publish.listen names one of these"
 
 
 def _row(status: Mapping[str, Any]) -> tuple[str, ...]:

@@ -29,7 +29,9 @@ def running_run(root: Path) -> RunFolder:
     """The run that is being recorded in a folder of runs. Raises NotARunError when there is none."""
     found = [RunFolder(path.parent) for path in sorted(root.glob("*/run.mcap")) if is_being_written(path)]
     if not found:
-        raise NotARunError(f"{root}: no run is being recorded in here; name one with --run")
+        raise NotARunError(
+            f"{root}: no run is being recorded in this folder; name one with --run, or their folder with --runs"
+        )
     return max(found, key=lambda folder: folder.mcap_path.stat().st_ctime_ns)
 
 

@@ -169,7 +169,7 @@ def check_bus(bus: BusSettings, listen: Callable[[BusSettings, float], list[CanF
     try:
         traffic = traffic_of(listen(bus, HEAR_S))
     except DriverError as error:
-        return Check("bus", CheckResult.FAIL, str(error), "bring the interface up first")
+        return failed("bus", str(error), "bring the interface up first")
     if not traffic:
         reason = f"nothing was heard on {bus.channel} in {HEAR_S:g} s"
         return Check("bus", CheckResult.FAIL, reason, "check power of the nodes, bit rate and termination")
@@ -184,10 +184,16 @@ def check_bus(bus: BusSettings, listen: Callable[[BusSettings, float], list[CanF
     return Check("bus", CheckResult.WARN, reason, remedy)
 
 
+def failed(name: str, sentence: str, otherwise: str) -> Check:
+    """FAIL by a sentence of a driver, whose second half is the remedy; otherwise: what to do where it has none."""
+    reason, _, remedy = sentence.partition("; ")
+    return Check(name, CheckResult.FAIL, reason, remedy or otherwise)
+
+
 def judge_sensor(name: str, health: SensorHealth, target_hz: float) -> Check:
     """FAIL when nothing usable comes, WARN when the rate or a counter is off."""
     if health.state is not SensorState.FRESH:
-        return Check(name, CheckResult.FAIL, f"{health.state}: {health.reason}", "check power, cable and configuration")
+        return failed(name, f"{health.state}: {health.reason}", "check power, cable and configuration")
     facts = ", ".join(f"{key} {value}" for key, value in health.facts.items() if value)
     reason = f"{health.rate_hz:.2f} Hz of {target_hz:g}; {facts}"
     if abs(health.rate_hz / target_hz - 1.0) > RATE_TOLERANCE:

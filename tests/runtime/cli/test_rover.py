@@ -53,6 +53,15 @@ def test_nobody_there_is_one_sentence(rover: tuple[ZenohPublisher, str], tmp_pat
     assert "--zenoh" in str(nowhere.exception)
 
 
+def test_watching_for_a_rover_that_is_not_there_says_so_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing at all was shown, for as long as one waited."""
+    monkeypatch.setattr("runtime.publish.status.watch_status", lambda *_words: iter([[], [], []]))
+    watched = CliRunner().invoke(app, ["status", "--watch"])
+    assert watched.exit_code == 0
+    assert watched.output.count("no rover answers at") == 1
+    assert "waiting until one does" in watched.output
+
+
 def test_status_prints_a_row_for_each_rover(rover: tuple[ZenohPublisher, str]) -> None:
     publisher, endpoint = rover
     printed: list[str] = []

@@ -117,4 +117,11 @@ def test_where_the_wheels_are_not_heard_the_ids_that_are_say_what_would_fit() ->
     assert "8 more ids" in strange.reason
     assert "encoders.layout" in strange.remedy
     assert "nothing was heard" in check_bus(bus, lambda _bus, _seconds: []).reason
-    assert "ip link set" in check_bus(bus, down).reason
+    assert (check_bus(bus, down).reason, check_bus(bus, down).remedy) == ("can0 is down", "ip link set can0 up")
+
+
+def test_a_remedy_is_told_once_and_is_that_of_the_driver_where_it_has_one() -> None:
+    """It was followed by another one: "check the port in laser.url; check power, cable and configuration"."""
+    for reason, remedy in (("no answer", "check power, cable and configuration"), ("nothing listens; wait", "wait")):
+        told = judge_sensor("laser", SensorHealth(SensorState.STARTING, reason, 0.0), 10.0)
+        assert (told.reason, told.remedy) == (f"starting: {reason.partition(';')[0]}", remedy)
