@@ -32,8 +32,13 @@ def test_info_lists_every_segment(run: RunFolder) -> None:
     said = infant("log", "info", run.path).stdout
     assert said.count("segment ") == 4
     assert "manifest  whole" in said
+    assert "version   infant" in said
     facts = json.loads(infant("log", "info", run.path, "--json").stdout)
     assert [segment["name"] for segment in facts["segments"]] == [path.name for path in run.segment_paths()]
+    first, last = facts["segments"][0], facts["segments"][-1]
+    assert first["from_s"] != 0.0
+    assert said.splitlines()[3].endswith(f"  0.0 to {first['to_s'] - first['from_s']:.1f} s"), "since the run began"
+    assert said.splitlines()[6].endswith(f" to {last['to_s'] - first['from_s']:.1f} s")
 
 
 def test_a_whole_run_verifies_with_exit_code_zero(run: RunFolder) -> None:
