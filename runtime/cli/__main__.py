@@ -94,12 +94,17 @@ def run_command(as_json: bool) -> int:
         if not hasattr(error, "format_message"):
             raise
         refused: Any = error
-        refused.message = str(getattr(error, "message", "")).removeprefix("Value error, ")  # typer's word for no choice
+        refused.message = in_plain_words(str(getattr(error, "message", "")))
         if as_json:
             raise UsageError(refused.format_message() or "no command given; see infant --help") from error
         refused.show()
         return UsageError.exit_code
     return result if isinstance(result, int) else 0
+
+
+def in_plain_words(message: str) -> str:
+    """What typer says of a word, without the terms of the library that it asks."""
+    return message.removeprefix("Value error, ").replace("Input should be ", "it has to be ")
 
 
 def end(sentence: str, exit_code: int, as_json: bool) -> NoReturn:

@@ -222,6 +222,8 @@ def view(
     reports = viewer.screenshot(folder, screenshot, at, progress=progress)
     if as_json:
         say_json({"run": run, "picture": str(screenshot), "viewer_reports": reports})
+    else:
+        say(f"picture   {screenshot}")
     for report in () if as_json else reports:
         say(f"infant: the viewer reports: {report}", err=True)
 

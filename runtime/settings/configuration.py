@@ -156,7 +156,7 @@ def load_configuration_text(
         # JSON mode: strict about types, yet lists fill tuples and words fill enumerations
         configuration = Configuration.model_validate_json(json.dumps(tree, default=_as_date), strict=True)
     except ValidationError as error:
-        problems = [_sentence(problem) for problem in error.errors()]
+        problems = [_sentence(problem, overrides or {}) for problem in error.errors()]
         raise _refused(source, problems) from error
     if (not recorded or overrides) and (problems := _of_another_sensor(configuration)):
         raise _refused(source, problems)
@@ -248,10 +248,14 @@ def _set(tree: Tree, key: str, text: str) -> None:
     tree[last] = value
 
 
-def _sentence(problem: Any) -> str:
-    """Key, value, what was expected and, for a misspelt key, what was probably meant."""
+def _sentence(problem: Any, overrides: Mapping[str, str]) -> str:
+    """Key, value, what was expected and, for a misspelt key, what was probably meant; a value is changed where it is
+    given.
+    """
     location = tuple(part for part in problem["loc"] if isinstance(part, str | int))
     key = ".".join(str(part) for part in location)
+    typed = any(f"{key}.".startswith(f"{name}.") for name in overrides)
+    change = f"change it {'on the command line' if typed else 'in the configuration'}"
     match problem["type"]:
         case "extra_forbidden":
             known = _fields_at(location[:-1])
@@ -260,13 +264,13 @@ def _sentence(problem: Any) -> str:
             return f"{key} = {_shown(problem)}: unknown key; {hint}"
         case "union_tag_invalid":
             key, tags = f"{key}.{_discriminator(problem)}", problem["ctx"]["expected_tags"]
-            return f"{key} = {problem['ctx']['tag']!r}: expected one of {tags}; change it in the configuration"
+            return f"{key} = {problem['ctx']['tag']!r}: expected one of {tags}; {change}"
         case "union_tag_not_found":
             return f"{key}.{_discriminator(problem)}: missing; it says what this table describes"
         case "missing":
             return f"{key}: missing; add it to the configuration"
         case _:
-            return f"{key} = {_shown(problem)}: expected {expected_value(problem)}; change it in the configuration"
+            return f"{key} = {_shown(problem)}: expected {expected_value(problem)}; {change}"
 
 
 def _shown(problem: Any) -> str:

@@ -124,6 +124,15 @@ def test_the_help_names_types_as_a_person_does(words: str, plain: str) -> None:
     assert plain_type(words) == plain
 
 
+def test_a_value_that_is_refused_is_told_in_plain_words(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer, _, _ = said(monkeypatch, capsys, "run", "--config", "mock", "--duration", "-1")
+    assert answer["error"]["reason"] == "Invalid value for '--duration': it has to be greater than or equal to 0.1"
+    answer, _, _ = said(monkeypatch, capsys, "check", "--config", "mock", "--set", "slam.particles=-5")
+    assert "slam.particles = -5: expected at least 1; change it on the command line" in answer["error"]["reason"]
+
+
 def test_the_usage_names_words_as_they_are_typed() -> None:
     command = [sys.executable, "-m", "runtime.cli", "command", "fly"]
     ended = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
