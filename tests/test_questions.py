@@ -132,6 +132,10 @@ QUESTIONS = (
         "`--seed N` chooses another filter and another world",
     ),
     ("Can two jobs drive on one computer at once?", "journeys/ci.md", "devices and publisher take free ports"),
+    ("Does it work in rain, or behind glass?", "hardware.md", "Rain, fog, dust and low sun were not tried"),
+    ("How do I keep it from starting at boot?", "install.md", "`sudo systemctl disable infant`"),
+    ("Does installing it need a compiler?", "journeys/ci.md", "Installing needs no compiler"),
+    ("Can the simulated rover drive my route?", "journeys/ci.md", "drives a fixed course"),
     ("How do I put it into a container image?", "journeys/ci.md", "`RUN infant warmup` after the installation"),
 )
 
@@ -140,7 +144,7 @@ def test_the_index_offers_ten_pages() -> None:
     linked = re.findall(r"\]\(([\w/]+\.md)\)", (DOCS / "index.md").read_text(encoding="utf-8"))
     assert len(linked) == len(set(linked)) == LINKS
     assert {page for _, page, *_ in QUESTIONS} <= set(linked)
-    assert len(QUESTIONS) == 77
+    assert len(QUESTIONS) == 81
 
 
 @pytest.mark.parametrize(("question", "page", "answers"), [(asked, page, words) for asked, page, *words in QUESTIONS])

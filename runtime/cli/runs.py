@@ -220,10 +220,8 @@ def view(
             say_json({"run": run, "viewer_exit_code": code})
         return
     reports = viewer.screenshot(folder, screenshot, at, progress=progress)
-    if as_json:
-        say_json({"run": run, "picture": str(screenshot), "viewer_reports": reports})
-    else:
-        say(f"picture   {screenshot}")
+    shown = {"run": run, "picture": str(screenshot), "viewer_reports": reports}
+    answer(shown, (f"picture   {screenshot}",), as_json)
     for report in () if as_json else reports:
         say(f"infant: the viewer reports: {report}", err=True)
 
