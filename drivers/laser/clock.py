@@ -154,6 +154,8 @@ class LaserClock:
         reading = self._unwrap.take(counter_ms, arrival_ns)
         if reading is CounterStatus.STALE:
             return reading
+        if reading is CounterStatus.RESTARTED and self._anchor is not None and self._unchecked_scans:
+            self._unchecked_scans, self.misfits = 0, self.misfits + 1  # right after TM: two clocks, if it does so again
         if reading is CounterStatus.GOOD and not self._fits_anchor(arrival_ns):
             reading, self.delay_ns = CounterStatus.RESTARTED, nominal_delay_ns
         if reading is CounterStatus.RESTARTED:

@@ -68,6 +68,9 @@ def enter_standby(client: ScipClient, settings: LaserSettings, attempts: int, dr
         if reply is not None and is_fault(reply.status):
             raise LaserFaultError(f"the laser reports a malfunction (status {reply.status}); it needs a reboot")
     if client.received_bytes == before:
+        reply = client.ask(b"PP", REPLY_TIMEOUT_S)
+        if reply is not None and reply.status == OK:
+            return  # it sends nothing, so there is nothing to stop, and does not answer QT
         raise NoAnswerError(
             f"{settings.url} is open but silent; check that it is the laser, and its power and baud rate"
         )

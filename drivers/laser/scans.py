@@ -21,6 +21,7 @@ SHORT_RANGE_MM = 4094  # MS saturates one above
 LATE_NS = 100_000_000
 FUTURE_NS = 2_000_000
 FROZEN_BEAMS = 50  # so many valid ranges cannot repeat to the millimetre by chance
+USELESS_STAMPS = 6  # in a row that stand still or jump: the stream has been asked for anew three times and more
 RATE_SCANS = 11
 SLOW_SHARE = 0.75
 
@@ -68,7 +69,7 @@ class ScanAssembly:
         self._arrivals: deque[int] = deque(maxlen=RATE_SCANS)
         self._last_codes: CodeArray | None = None
         self._repeats = 0
-        self._damaged = 0
+        self._damaged = self._useless_stamps = 0
         self._is_slow = False
         self.rate_hz = 0.0
         self.last_stamp_ns: int | None = None
@@ -131,30 +132,10 @@ class ScanAssembly:
         self._events.add(raw.stamp_ns, kind, f"scan dropped: {reason}")
 
     def _assemble(self, arrival_ns: int, data: ScanData) -> Scan | None:
-        reading = self._clock.observe(data.counter_ms, arrival_ns, self._nominal_delay_ns, data.time.fraction_us)
-        if reading is CounterStatus.STALE:
-            self._events.add(arrival_ns, "stale_stamp", "scan dropped: it has the same stamp as the one before")
+        has_clock = self._useless_stamps < USELESS_STAMPS
+        if (has_clock and not self._observe(arrival_ns, data)) or self._is_frozen(arrival_ns, data.codes):
             return None
-        if reading is CounterStatus.RESTARTED:
-            self.clock_restarted = True
-            self._events.add(arrival_ns, "clock_restarts", "the laser's clock restarted from zero")
-        if self._is_frozen(arrival_ns, data.codes):
-            return None
-        lateness_ns = self._clock.lateness_ns(arrival_ns)
-        if lateness_ns > LATE_NS:
-            text = f"scan late: {lateness_ns * 1e-6:.0f} ms more than the fastest"
-            self._events.add(arrival_ns, "late_scans", text)
-        stamp_ns = self._clock.stamp_ns() + self._first_beam_ns
-        if stamp_ns > arrival_ns + FUTURE_NS:
-            text = (
-                "a stamp lies in the future, so the time of arrival is used; the laser's clock or "
-                "laser.stamp_reference is wrong"
-            )
-            self._events.add(arrival_ns, "future_stamps", text)
-            stamp_ns = round(arrival_ns - self._nominal_delay_ns) + self._first_beam_ns
-            stamp_ns = min(stamp_ns, arrival_ns)
-            if self.last_stamp_ns is not None and self.last_stamp_ns > arrival_ns:
-                self.last_stamp_ns = None  # that one was in the future too
+        stamp_ns = self._clock_stamp_ns(arrival_ns) if has_clock else self._arrival_stamp_ns(arrival_ns)
         if self.last_stamp_ns is not None and stamp_ns <= self.last_stamp_ns:
             self._events.add(arrival_ns, "out_of_order", "scan dropped: older than the one before")
             return None
@@ -163,6 +144,42 @@ class ScanAssembly:
         ranges_m = self._ranges(data.codes)
         range_max_m = self._range_max_mm / 1000.0
         return Scan(stamp_ns, ranges_m, self._bearings, self._beam_period_s, range_max_m=range_max_m)
+
+    def _observe(self, arrival_ns: int, data: ScanData) -> bool:
+        """Tell the clock of a stamp; False where it is that of the scan before."""
+        reading = self._clock.observe(data.counter_ms, arrival_ns, self._nominal_delay_ns, data.time.fraction_us)
+        self._useless_stamps = 0 if reading is CounterStatus.GOOD else self._useless_stamps + 1
+        if self._useless_stamps == USELESS_STAMPS:
+            text = "the stamps of the laser's scans stand still or jump; the time of arrival is used from now on"
+            self._events.add(arrival_ns, "useless_stamps", text)
+        if reading is CounterStatus.STALE:
+            self._events.add(arrival_ns, "stale_stamp", "scan dropped: it has the same stamp as the one before")
+        elif reading is CounterStatus.RESTARTED:
+            self.clock_restarted = True
+            self._events.add(arrival_ns, "clock_restarts", "the laser's clock restarted from zero")
+        return reading is not CounterStatus.STALE
+
+    def _clock_stamp_ns(self, arrival_ns: int) -> int:
+        """Of the first beam, by the laser's clock."""
+        lateness_ns = self._clock.lateness_ns(arrival_ns)
+        if lateness_ns > LATE_NS:
+            text = f"scan late: {lateness_ns * 1e-6:.0f} ms more than the fastest"
+            self._events.add(arrival_ns, "late_scans", text)
+        stamp_ns = self._clock.stamp_ns() + self._first_beam_ns
+        if stamp_ns <= arrival_ns + FUTURE_NS:
+            return stamp_ns
+        text = (
+            "a stamp lies in the future, so the time of arrival is used; the laser's clock or "
+            "laser.stamp_reference is wrong"
+        )
+        self._events.add(arrival_ns, "future_stamps", text)
+        return self._arrival_stamp_ns(arrival_ns)
+
+    def _arrival_stamp_ns(self, arrival_ns: int) -> int:
+        """Of the first beam, by when the scan came and the delay that its model has at best."""
+        if self.last_stamp_ns is not None and self.last_stamp_ns > arrival_ns:
+            self.last_stamp_ns = None  # that one was in the future
+        return min(round(arrival_ns - self._nominal_delay_ns) + self._first_beam_ns, arrival_ns)
 
     def _ranges(self, codes: CodeArray) -> RangeArray:
         """Metres, NaN where there is only a code; codes are counted by meaning."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from drivers.scip.codec import END
 
+CR = b"\r"
 ENDS = re.compile(rb"\n\n+")  # line feeds alone would be a message of nothing each
 MESSAGE_BYTES = 1 << 16  # a multi-echo scan with intensities of 1081 steps has about 20 kB
 
@@ -39,6 +40,7 @@ class MessageStream:
     def feed(self, stamp_ns: int, data: bytes) -> list[RawMessage]:
         """Messages completed by `data`, which was read at stamp_ns."""
         messages: list[RawMessage] = []
+        data = data.replace(CR, b"")  # a terminal or a serial server puts it before each line feed; nothing else has it
         for start in range(0, len(data), MESSAGE_BYTES):
             self._take(stamp_ns, data[start : start + MESSAGE_BYTES], messages)
         return messages

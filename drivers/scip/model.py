@@ -1,6 +1,7 @@
 """What a laser says of itself: parameters (PP), version (VV), state (II); nothing of a model is known beforehand."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -65,19 +66,22 @@ class Parameters:
 
 STEPS_PER_TURN = (36, 36_000)  # from 10 deg to 0.01 deg a step; real ones have 1024 to 5760
 SPEEDS_RPM = (60, 12_000)  # one to 200 turns a second; real ones make 10 to 40
+LEAST_RANGE_MM = 20  # of any of them, where one does not say
+WHOLE_NUMBER = re.compile(r"\+?0*([0-9]{1,7})(?:\.0*)?(?: ?\[?(?:mm|rpm|r/min|step)\]?)?")  # also "+0023.0 [mm]"
 NUMBER_KEYS = ("DMIN", "DMAX", "ARES", "AMIN", "AMAX", "AFRT", "SCAN")
 
 
 def parse_parameters(values: Mapping[str, str]) -> Parameters:
     """Parameters out of the lines of PP; further keys are ignored. Raises ParameterError."""
+    values = {"DMIN": str(LEAST_RANGE_MM)} | {key.strip().upper(): value for key, value in values.items()}
     numbers = []
     for key in NUMBER_KEYS:
         if key not in values:
             raise ParameterError(f"the laser's parameters (PP) lack {key}")
         text = values[key].strip()  # some firmware puts a blank behind the colon
-        if not (text.isascii() and text.isdigit() and len(text) <= 7):
+        if not (number := WHOLE_NUMBER.fullmatch(text)):
             raise ParameterError(f"the laser's parameter {key} is {text[:20]!r}, expected a whole number")
-        numbers.append(int(text))
+        numbers.append(int(number[1]))
     parameters = Parameters(values.get("MODL", "unknown"), *numbers)
     sound = (
         0 <= parameters.first_step < parameters.last_step <= 9999
@@ -91,8 +95,9 @@ def parse_parameters(values: Mapping[str, str]) -> Parameters:
         "AFRT": (0, parameters.steps_per_turn),
         "SCAN": SPEEDS_RPM,
     }.items():
-        if not low <= int(values[key]) <= high:
-            raise ParameterError(f"the laser's parameter {key} is {values[key]}, expected {low} to {high}")
+        told = numbers[NUMBER_KEYS.index(key)]
+        if not low <= told <= high:
+            raise ParameterError(f"the laser's parameter {key} is {told}, expected {low} to {high}")
     return parameters
 
 

@@ -170,9 +170,12 @@ def test_microseconds_are_used_where_firmware_tells_them(knows_scans: bool, monk
     assert health.counters.get("framing_errors", 0) == 0
 
 
-def test_a_clock_that_is_not_that_of_the_scans_is_given_up_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("counter_ms", [5, 9_000_000])
+def test_a_clock_that_is_not_that_of_the_scans_is_given_up_and_said(
+    monkeypatch: pytest.MonkeyPatch, counter_ms: int
+) -> None:
     def other_clock(line: bytes, answer: bytes) -> bytes:
-        return b"TM1\n00P\n" + encode_time(5) + b"\n" if line == b"TM1" else answer
+        return b"TM1\n00P\n" + encode_time(counter_ms) + b"\n" if line == b"TM1" else answer
 
     odd(monkeypatch, other_clock)
     with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url)) as driver:
@@ -182,6 +185,12 @@ def test_a_clock_that_is_not_that_of_the_scans_is_given_up_and_said(monkeypatch:
     assert health.counters["stream_restarts"] <= 3
     assert "is not that of its scans" in health.facts["advice"]
     assert health.state is SensorState.FRESH
+
+
+def test_a_laser_that_does_not_answer_qt_streams_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    odd(monkeypatch, lambda line, answer: b"" if line == b"QT" else answer)
+    with simulated_laser(FAST) as (device, _), driven(LaserSettings(url=device.url)) as driver:
+        next_scan(driver)
 
 
 def test_a_laser_that_refuses_tm_while_it_boots_is_asked_once_more(monkeypatch: pytest.MonkeyPatch) -> None:

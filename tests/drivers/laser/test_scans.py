@@ -169,3 +169,16 @@ def test_stamps_in_the_future_are_stamped_by_arrival_and_counted() -> None:
     arrivals = [(PERIOD_MS * number + DELAY_MS) * 1_000_000 for number in range(20)]
     assert all(0 <= arrival - stamp <= 100_000_000 for arrival, stamp in zip(arrivals, stamps, strict=True))
     assert bench.events.counters["future_stamps"] == 20
+
+
+@pytest.mark.parametrize("are_constant", [True, False])
+def test_stamps_that_stand_still_or_jump_are_given_up_for_the_time_of_arrival(are_constant: bool) -> None:
+    bench, rng = Bench(), np.random.default_rng(1)
+    counters_ms = [1234] * 40 if are_constant else rng.integers(0, 1 << 24, 40).tolist()
+    taken = [bench.take(number, bench.message(number, None, counter)) for number, counter in enumerate(counters_ms)]
+    late = taken[2 * scans.USELESS_STAMPS :]
+    assert all(scan is not None for scan in late)
+    stamps_ns = np.array([scan.stamp_ns for scan in late if scan is not None])
+    assert (np.diff(stamps_ns) == PERIOD_MS * 1_000_000).all()
+    assert abs(stamps_ns[-1] - PERIOD_MS * 39 * 1_000_000) < 60_000_000
+    assert bench.events.counters["useless_stamps"] == 1

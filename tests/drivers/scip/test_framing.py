@@ -91,3 +91,9 @@ def test_line_feeds_alone_are_one_end_and_not_a_message_of_nothing_each(monkeypa
     assert stream.feed(0, b"\n" * MESSAGE_BYTES) == []
     assert [raw.data for raw in stream.feed(0, b"QT\n00P" + b"\n" * 1000)] == [b"QT\n00P"]
     assert len(closed) == 2
+
+
+def test_a_terminal_that_puts_a_carriage_return_before_each_line_feed_changes_nothing() -> None:
+    stream = MessageStream()
+    read = b"QT\r\n00P\r\n\r", b"\nVV\r\n00P\r\n\r\n"
+    assert [message.data for data in read for message in stream.feed(0, data)] == [b"QT\n00P", b"VV\n00P"]

@@ -4,7 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.scip.model import NoRange, ParameterError, is_booting, parse_parameters, range_code_meaning, reports_fault
+from drivers.scip.model import (
+    NUMBER_KEYS,
+    NoRange,
+    ParameterError,
+    is_booting,
+    parse_parameters,
+    range_code_meaning,
+    reports_fault,
+)
 from drivers.simulated.laser.profiles import PROFILES
 
 VALUES = PROFILES["UTM-30LX"].parameters.key_values()
@@ -22,10 +30,21 @@ def test_further_keys_are_ignored() -> None:
 
 @pytest.mark.parametrize("key", ["DMIN", "DMAX", "ARES", "AMIN", "AMAX", "AFRT", "SCAN"])
 def test_a_missing_or_senseless_number_is_named(key: str) -> None:
-    with pytest.raises(ParameterError, match=f"lack {key}"):
-        parse_parameters({name: text for name, text in VALUES.items() if name != key})
+    without = {name: text for name, text in VALUES.items() if name != key}
+    if key == "DMIN":  # only says which ranges are codes
+        assert parse_parameters(without).range_min_mm == 20
+    else:
+        with pytest.raises(ParameterError, match=f"lack {key}"):
+            parse_parameters(without)
     with pytest.raises(ParameterError, match=f"parameter {key} is '12x'"):
         parse_parameters(VALUES | {key: "12x"})
+
+
+@pytest.mark.parametrize("form", ["000{}", "+{}", "{}.0", "{}[mm]", "{} rpm", " {} "])
+def test_numbers_are_read_however_they_are_written(form: str) -> None:
+    told = {key: form.format(text) if key in NUMBER_KEYS else text for key, text in VALUES.items()}
+    assert parse_parameters(told) == parse_parameters(VALUES)
+    assert parse_parameters({f"{key.lower()} ": text for key, text in told.items()}).step_rad > 0.0
 
 
 @pytest.mark.parametrize(
