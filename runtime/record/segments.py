@@ -8,6 +8,7 @@ import contextlib
 import os
 from collections.abc import Callable, Mapping
 
+from runtime.atomic_write import refuse_link
 from runtime.messages.tick import Gap, Record, encode_gap
 from runtime.record.folder import RunFolder
 from runtime.record.header import segment_number
@@ -132,6 +133,7 @@ class Segments:
 
     def _create(self) -> tuple[RecordFile, int]:
         """A new run.mcap and its number; a segment that was cut off makes way for it. Raises OSError, StorageError."""
+        refuse_link(self.folder.path)  # somebody may have put one in place of the folder that was made
         self.folder.path.mkdir(parents=True, exist_ok=True)
         number = max([self._number, *self.folder.closed_segments()]) + 1
         path = self.folder.mcap_path

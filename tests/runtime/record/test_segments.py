@@ -125,6 +125,21 @@ def test_a_segment_that_is_gone_is_a_gap_of_its_ticks(tmp_path: Path, number: in
     assert f"run-000{number}.mcap is missing" in reader.truncated
 
 
+def test_a_link_in_place_of_the_folder_is_not_written_through(tmp_path: Path) -> None:
+    drive, victim = Drive(tmp_path / "run"), tmp_path / "victim"
+    drive.run(CHUNK_TICKS)
+    victim.mkdir()
+    (tmp_path / "run").rename(tmp_path / "old")
+    (tmp_path / "run").symlink_to(victim)
+    for _ in range(3):
+        with pytest.raises(OSError, match=r"removed while being written|nothing is written through links"):
+            drive.run(CHUNK_TICKS)
+    assert not any(victim.iterdir())
+    (tmp_path / "run").unlink()
+    drive.run(CHUNK_TICKS)
+    assert seqs(RunReader(drive.end().path))[-1] == drive.seq - 1
+
+
 def test_a_last_segment_that_is_gone_is_said(tmp_path: Path) -> None:
     folder = driven(tmp_path / "run")
     folder.mcap_path.unlink()
