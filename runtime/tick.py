@@ -25,6 +25,10 @@ class Tick:
 def of_its_time(tick: Tick) -> Tick:
     """The tick without what is stamped from after it, which the estimator refuses as well."""
     latest_ns = tick.stamp_ns + AHEAD_NS
+    if (tick.scan is None or tick.scan.stamp_ns <= latest_ns) and all(
+        sample.stamp_ns <= latest_ns for sample in tick.wheels
+    ):
+        return tick
     wheels = tuple(sample for sample in tick.wheels if sample.stamp_ns <= latest_ns)
     scan = tick.scan if tick.scan is None or tick.scan.stamp_ns <= latest_ns else None
     return replace(tick, scan=scan, wheels=wheels)

@@ -10,8 +10,9 @@ from runtime.calibrate.drive_data import CalibrationStart, DriveData, PoseStart,
 from runtime.calibrate.result import Calibration, Quantity
 from runtime.calibrate.richness import MotionCoverage, measures
 from runtime.calibrate.scans.laser_motion import LaserMotion, laser_motion
-from runtime.calibrate.scans.orientation import OTHERS, Orientation, orientation, oriented
+from runtime.calibrate.scans.orientation import AS_BELIEVED, OTHERS, Orientation, orientation, oriented
 from runtime.calibrate.scans.range_noise import RangeNoise, range_noise
+from runtime.calibrate.scans.shapes import Shapes
 from runtime.calibrate.single_causes import Fit
 from runtime.calibrate.solve import LATENCY_BOUND_S, Solution, solve
 from runtime.calibrate.wheel_model import DifferentialModel, WheelModel, model_of
@@ -74,11 +75,12 @@ def calibrate(drives: Sequence[DriveData], initial: Start, orientations: Sequenc
     """
     check_drives(drives)
     _check_kind(drives, initial)
-    hangs = orientation(drives, initial, orientations)
+    seen: list[dict[int, Shapes]] = [{} for _ in drives]
+    hangs = orientation(drives, initial, orientations, seen)
     drives, initial = oriented(drives, initial, hangs)
     model = model_of(initial)
     values = model.start
-    motions, solution = _matched_and_solved(drives, model, values)
+    motions, solution = _matched_and_solved(drives, model, values, seen if hangs == AS_BELIEVED else None)
     for _ in range(PASSES - 1):
         if solution.kept.sum() < FEWEST_STEPS:
             break
@@ -119,9 +121,13 @@ def _check_kind(drives: Sequence[DriveData], initial: Start) -> None:
 
 
 def _matched_and_solved(
-    drives: Sequence[DriveData], model: WheelModel, values: FloatArray
+    drives: Sequence[DriveData],
+    model: WheelModel,
+    values: FloatArray,
+    seen: Sequence[dict[int, Shapes]] | None = None,
 ) -> tuple[list[LaserMotion], Solution]:
-    motions = [laser_motion(drive, model, values) for drive in drives]
+    known = seen or [{} for _ in drives]
+    motions = [laser_motion(drive, model, values, seen=shapes) for drive, shapes in zip(drives, known, strict=True)]
     return motions, solve(motions, model)
 
 

@@ -14,7 +14,7 @@ from runtime.publish.follow import Message
 from runtime.publish.rover_status import believed
 from runtime.review.ticks import AssembledTick
 from runtime.ros2.poses import PATH, POSES
-from runtime.tick import Tick
+from runtime.tick import Tick, Timing
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.pose import Pose2, wrap_rad
 
@@ -41,6 +41,7 @@ class LiveTicks:
         self._landmarks: LandmarkMap | None = None
         self._events: list[Event] = []
         self._status: dict[str, Any] = {}
+        self._is_told = False  # a status since the last pose: its figures are drawn once
         self._seq = 0
 
     def take(self, message: Message) -> AssembledTick | None:
@@ -58,6 +59,7 @@ class LiveTicks:
                     self._particles = np.array(poses).reshape(-1, 3)
                 case "status":
                     self._status = believed(f"infant/{self._rover}/status", message.data)
+                    self._is_told = True
                 case "event":
                     self._events = [*self._events, _event_of(json.loads(message.data))][-MOST_EVENTS:]
                 case "map":
@@ -74,13 +76,13 @@ class LiveTicks:
         ended = None if self._pose is None else self._assembled(*self._pose)
         self._pose = _stamp_ns(message), pose, covariance
         self._scan = self._particles = self._landmarks = None
-        self._events = []
+        self._events, self._is_told = [], False
         return ended
 
     def _assembled(self, stamp_ns: int, pose: Pose2, covariance: FloatArray) -> AssembledTick:
         tick = Tick(self._status.get("seq") or self._seq, stamp_ns, self._scan, (), tuple(self._events))
         self._seq += 1
-        particles, scan, landmarks = self._particles, self._scan, self._status.get("landmarks")
+        particles, scan = self._particles, self._scan
         estimate = Estimate(
             stamp_ns,
             pose,
@@ -93,9 +95,19 @@ class LiveTicks:
             particle_weights=None if particles is None else np.full(len(particles), 1.0 / max(1, len(particles))),
             beam_verdicts=None if scan is None else np.zeros(scan.ranges_m.size, np.uint8),
             landmarks=self._landmarks,
-            counts={} if landmarks is None else {"landmarks": float(landmarks)},
+            counts=self._counts(),
         )
-        return AssembledTick(tick, estimate=estimate)
+        return AssembledTick(tick, estimate=estimate, timing=self._timing())
+
+    def _counts(self) -> dict[str, float]:
+        landmarks = self._status.get("landmarks") if self._is_told else None
+        return {} if landmarks is None else {"landmarks": float(landmarks), **(self._status["filter"] or {})}
+
+    def _timing(self) -> Timing | None:
+        lateness_ms, step_ms = self._status.get("lateness_ms"), self._status.get("step_ms")
+        if not self._is_told or lateness_ms is None or step_ms is None:
+            return None
+        return Timing(round(lateness_ms * 1e6), 0, {"step": round(step_ms * 1e6)})
 
 
 def path_of(data: bytes) -> FloatArray:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray
+from runtime.map_files.confirmed import CONFIRMED_LOG_ODDS
 from slam.estimate import LandmarkMap
-from slam.joint.gaussian import CONFIRMED_LOG_ODDS
 from slam.settings.tuning import Tuning
 
 GONE_LOG_ODDS: float = Tuning._field_defaults["log_odds_remove"]  # as the filter removes a landmark of its own

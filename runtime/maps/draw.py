@@ -11,6 +11,7 @@ import numpy as np
 from drivers.measurements import FloatArray
 from runtime.atomic_write import atomic_write, refuse_link
 from runtime.errors import StorageError, UsageError
+from runtime.map_files.confirmed import confirmed
 from runtime.map_files.map_store import read_map
 from runtime.map_files.start import origin_of
 from runtime.maps.grid_files import map_server_yaml, pgm
@@ -20,7 +21,6 @@ from runtime.maps.placed_scans import PlacedScans
 from runtime.record.reader import RunReader
 from runtime.record.trajectories import with_estimates
 from slam.estimate import LandmarkMap
-from slam.joint.gaussian import CONFIRMED_LOG_ODDS
 from slam.maps.occupancy_grid import FREE, OCCUPIED, GridMap, OccupancyGrid
 
 MOST_CELLS = 150_000_000  # 1.2 GB of counts: 390 m by 390 m at 0.05 m without a square left out
@@ -121,19 +121,6 @@ def read_run(reader: RunReader, resolution_m: float | None, progress: Progress) 
     progress(1.0)
     path_m = np.array(scans.path_m).reshape(-1, 2)
     return DrawnRun(None if grid is None else grid.grid_map(), path_m, scans.landmarks, scans.scans, scans.lost)
-
-
-def confirmed(landmarks: LandmarkMap | None) -> LandmarkMap:
-    """Those that the filter would keep out of sight; others may be a chance point or somebody's legs."""
-    if landmarks is None:
-        return LandmarkMap(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
-    kept = landmarks.existence_log_odds >= CONFIRMED_LOG_ODDS
-    return LandmarkMap(
-        landmarks.identities[kept],
-        landmarks.means_m[kept],
-        landmarks.covariances_m2[kept],
-        landmarks.existence_log_odds[kept],
-    )
 
 
 def grid_facts(grid: GridMap) -> dict[str, Any]:

@@ -24,7 +24,9 @@ from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.pose import Pose2
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-NO_TICK = dict.fromkeys(("seq", "quality", "lateness_ms", "step_ms", "pose", "sigma", "landmarks"))
+NO_TICK = dict.fromkeys(("seq", "quality", "lateness_ms", "step_ms", "pose", "sigma", "landmarks", "filter"))
+FILTER = ("features", "matched", "effective_particles")
+"""What of the estimate's figures a status tells."""
 RUN_LEVELS = {RunState.STARTING: 1, RunState.READY: 0, RunState.RUNNING: 0, RunState.STOPPING: 1}
 RUN_LEVELS |= {RunState.DEGRADED: 1, RunState.LOST: 2}  # DiagnosticStatus OK, WARN, ERROR
 LEVELS = {SensorState.FRESH: 0, SensorState.STARTING: 1, SensorState.STALE: 2, SensorState.FAILED: 2}
@@ -134,6 +136,7 @@ def _tick_fields(completed: CompletedTick) -> dict[str, Any]:
         "pose": {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad},
         "sigma": {"x_m": float(sigmas[0]), "y_m": float(sigmas[1]), "heading_rad": float(sigmas[2])},
         "landmarks": int(estimate.counts.get("landmarks", 0)),
+        "filter": {name: round(estimate.counts[name], 1) for name in FILTER if name in estimate.counts},
     }
 
 

@@ -68,6 +68,7 @@ class RoverStatus(_Part):
     pose: _Pose | None
     sigma: _Pose | None
     landmarks: Count | None
+    filter: Annotated[dict[Name, Number], Field(max_length=20)] | None = None
     map: _Map | None = None
     sensors: Annotated[dict[Name, _Sensor], Field(max_length=20)]
     sinks: Annotated[dict[Name, _Sink], Field(max_length=20)]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from drivers.measurements import FloatArray
 from runtime.live.timekeeping import Durations
 from runtime.map_files.changes import map_changes
-from runtime.maps.draw import confirmed
+from runtime.map_files.confirmed import confirmed
 from runtime.report.events.repeated import repeated
 from runtime.report.events.states import state_times
 from runtime.report.facts import QUALITIES, RunFacts

@@ -13,7 +13,6 @@ from runtime.errors import NotAMapError, UsageError
 from runtime.evaluate.evaluate import against_data_set, against_simulation, nothing_known
 from runtime.evaluate.smoothed import read_smoothed
 from runtime.evaluate.truth import DataSetTruth
-from runtime.map_files.start import recorded_start
 from runtime.maps.scan_picture import ScanCells
 from runtime.printable import printable
 from runtime.record.reader import RecordedTick, RunReader
@@ -181,11 +180,12 @@ class Gathering:
             scan = self._mount.upright(scan)
             self._lay(scan, estimate)
             back = np.isfinite(scan.ranges_m) & (scan.ranges_m < scan.range_max_m)
-            returned = float(back.mean())
+            answers = int(np.count_nonzero(back))
+            returned = answers / back.size if back.size else math.nan
             if estimate is not None and estimate.beam_verdicts is not None:
                 refused = (estimate.beam_verdicts == BeamVerdict.MOVED) & back
-                moved = float(refused.sum()) / max(1, int(back.sum()))
-                near = float((refused & (scan.ranges_m < NEAR_M)).sum()) / max(1, int(back.sum()))
+                moved = np.count_nonzero(refused) / max(1, answers)
+                near = np.count_nonzero(refused & (scan.ranges_m < NEAR_M)) / max(1, answers)
             early = len(self._kept) < REST_SCANS
             if len(self._kept) < MOST_SCANS and (early or stamp_ns - self._kept[-1].stamp_ns >= SCAN_APART_NS):
                 self._kept.append(scan)
@@ -222,6 +222,10 @@ class Gathering:
 
 def _known_map(reader: RunReader) -> LandmarkMap | None:
     """The saved map that the run began in; a review does without a copy that is gone."""
+    if not reader.header.start:
+        return None
+    from runtime.map_files.start import recorded_start  # loads the filter with its compiler, 45 MB
+
     with suppress(NotAMapError):
         start = recorded_start(reader.header, reader.folder)
         return None if start is None else start.saved.joint.landmarks

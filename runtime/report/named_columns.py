@@ -2,7 +2,7 @@
 
 import math
 from array import array
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -15,9 +15,17 @@ class NamedColumns:
     def __init__(self) -> None:
         self._columns: dict[str, array[float]] = {}
         self._rows = 0
+        self._complete: tuple[str, ...] = ()
+        self._appends: list[Callable[[float], None]] = []
 
     def add(self, row: Mapping[str, float]) -> None:
         """One row more."""
+        names = tuple(row)
+        if names == self._complete:  # as the row before, and no column is left out: nearly every one
+            for append, value in zip(self._appends, row.values(), strict=True):
+                append(value)
+            self._rows += 1
+            return
         for name, value in row.items():
             column = self._columns.get(name)
             if column is None:
@@ -27,6 +35,10 @@ class NamedColumns:
         for column in self._columns.values():
             if len(column) < self._rows:
                 column.append(math.nan)
+        if len(names) == len(self._columns):
+            self._complete, self._appends = names, [self._columns[name].append for name in names]
+        else:
+            self._complete, self._appends = (), []
 
     def arrays(self, factor: float = 1.0) -> dict[str, FloatArray]:
         """(rows,) each, times the factor."""

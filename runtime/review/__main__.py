@@ -10,7 +10,7 @@ from typing import IO
 
 from runtime.errors import UsageError
 from runtime.messages.pipe import CARRIED, read_frames
-from runtime.optional_packages import needs
+from runtime.optional_packages import leave_out, needs
 from runtime.settings.review import ReviewSettings
 from slam.settings.slam import MountSettings
 
@@ -39,6 +39,7 @@ def draw_from(stream: IO[bytes], path: Path, what: str) -> None:
 
 
 if __name__ == "__main__":
+    leave_out("pandas")
     # Ctrl-C goes to the whole group: the parent decides when the drawing ends, by closing the pipe
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(OSError):  # a service manager may forbid it; the picture is drawn all the same

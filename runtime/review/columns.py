@@ -3,6 +3,7 @@
 What rows are gathered from is kept as it comes; it is turned into what rerun wants all at once, in `flush`.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,12 +12,18 @@ from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
 from runtime.review.ticks import ELAPSED, TICK
+from slam.observations import BeamVerdict
 from slam.pose import Pose2
 
 GRAIN_M = 1.0 / 256.0  # 4 mm: far below what a picture shows, and the zero bits that are left compress
 SIGMAS = 2.0  # half axes of covariance ellipses, in standard deviations
 
 
+LASER_PATHS = {
+    BeamVerdict.KEPT: "map/laser/kept",
+    BeamVerdict.MOVED: "map/laser/rejected",
+    BeamVerdict.NOT_COMPARED: "map/laser/not_compared",
+}
 HEIGHTS_M = {"map/path": 0.05, "map/landmarks": 0.1, "map/association": 0.15, "map/particles": 0.2}
 """What lies over what when seen from above; all else lies at 0."""
 
@@ -30,6 +37,7 @@ class ReviewColumns:
         self._tick = 0
         self._rows: dict[str, list[tuple[int, int, Any]]] = {}
         self._kinds: dict[str, str] = {}
+        self._scans: list[tuple[int, int, FloatArray, NDArray[np.uint8]]] = []
 
     def at(self, elapsed_ns: int, tick: int) -> None:
         """Time of the rows that follow."""
@@ -42,6 +50,10 @@ class ReviewColumns:
     def points(self, path: str, points_m: FloatArray) -> None:
         """Points (N, 2) in the map; style is static."""
         self._add(path, "points", points_m)
+
+    def scan(self, points_m: FloatArray, verdicts: NDArray[np.uint8]) -> None:
+        """Points (N, 2) in the map, each below the path of its verdict (N,)."""
+        self._scans.append((self._elapsed_ns, self._tick, points_m, verdicts))
 
     def named_points(self, path: str, points_m: FloatArray, colors: NDArray[np.uint8], labels: list[str]) -> None:
         """Points (N, 2) with a colour (N, 3) and a label each."""
@@ -71,12 +83,23 @@ class ReviewColumns:
     def flush(self) -> None:
         """Send what has been gathered."""
         for path, rows in self._rows.items():
-            elapsed_ns = np.array([row[0] for row in rows]).astype("timedelta64[ns]")
-            ticks = [row[1] for row in rows]
-            indexes = [rr.TimeColumn(ELAPSED, duration=elapsed_ns), rr.TimeColumn(TICK, sequence=ticks)]
             columns = _columns(self._kinds[path], [row[2] for row in rows], height_m(path))
-            self._recording.send_columns(path, indexes, columns)
+            self._recording.send_columns(path, _indexes(rows), columns)
         self._rows.clear()
+        if self._scans:
+            self._send_scans()
+
+    def _send_scans(self) -> None:
+        indexes, rows = _indexes(self._scans), np.arange(len(self._scans))
+        positions = flat(np.concatenate([scan[2] for scan in self._scans]))
+        verdicts = np.concatenate([scan[3] for scan in self._scans])
+        row_of = np.repeat(rows, [len(scan[3]) for scan in self._scans])
+        for verdict, path in LASER_PATHS.items():
+            chosen = verdicts == verdict
+            lengths = np.bincount(row_of[chosen], minlength=rows.size)
+            points = rr.Points3D.columns(positions=positions[chosen]).partition(lengths)
+            self._recording.send_columns(path, indexes, points)
+        self._scans.clear()
 
     def _add(self, path: str, kind: str, row: Any) -> None:
         self._kinds[path] = kind
@@ -104,6 +127,12 @@ def ellipse_axes(covariances_m2: FloatArray, sigmas: float) -> tuple[NDArray[np.
     quaternions = np.zeros((len(values), 4), np.float32)
     quaternions[:, 2], quaternions[:, 3] = np.sin(half_turns_rad), np.cos(half_turns_rad)
     return half_sizes, quaternions
+
+
+def _indexes(rows: Sequence[tuple[Any, ...]]) -> list[rr.TimeColumn]:
+    """Both times of rows that begin with them."""
+    elapsed_ns = np.array([row[0] for row in rows]).astype("timedelta64[ns]")
+    return [rr.TimeColumn(ELAPSED, duration=elapsed_ns), rr.TimeColumn(TICK, sequence=[row[1] for row in rows])]
 
 
 def _columns(kind: str, rows: list[Any], height: float) -> Any:

@@ -1,6 +1,9 @@
 """The curves of a review: error, filter, loop and sensors over time."""
 
 import math
+from typing import Any
+
+import rerun.blueprint as rrb
 
 from runtime.review.columns import ReviewColumns
 from runtime.review.ticks import AssembledTick
@@ -17,13 +20,17 @@ PLOTS = {
 }
 """On which plot a figure of the estimate stands; others are not drawn."""
 
+WHOLE = ("step", "read")
+"""Stages that stand beside the lateness; those that a step consists of, and what follows it, have their own plot."""
+
 
 def draw_curves(columns: ReviewColumns, assembled: AssembledTick) -> None:
     """One point on each curve that has a value on this tick."""
     if assembled.timing is not None:
         columns.scalar("plots/timing/lateness_ms", assembled.timing.lateness_ns * 1e-6)
         for stage, duration_ns in assembled.timing.stages_ns.items():
-            columns.scalar(f"plots/timing/{stage}_ms", duration_ns * 1e-6)
+            plot = "timing" if stage in WHOLE else "stages"
+            columns.scalar(f"plots/{plot}/{stage.replace(' ', '_')}_ms", duration_ns * 1e-6)
     _draw_ages(columns, assembled)
     if assembled.estimate is not None:
         _draw_filter(columns, assembled.estimate)
@@ -61,3 +68,40 @@ def _draw_error(columns: ReviewColumns, estimate: Estimate, truth: Pose2 | None)
     if truth is not None:
         for name, pose in (("SLAM", estimate.map_from_body), ("odometry", estimate.odom_from_body)):
             columns.scalar(f"plots/error/{name}_m", math.hypot(pose.x_m - truth.x_m, pose.y_m - truth.y_m))
+
+
+def curve_views(with_truth: bool, is_live: bool) -> Any:
+    """The plots. is_live: without those of what a rover that drives does not tell."""
+    error = "error (m): SLAM blue, odometry orange" if with_truth else "2 sigma of the position (m) grey"
+    return rrb.Grid(
+        _plot(error, "plots/error"),
+        _plot("N eff violet, seen grey, matched green", "plots/filter"),
+        _plot("ms: step blue, late yellow, read grey", "plots/timing"),
+        rrb.Tabs(
+            _plot("speed (m/s)", "plots/motion"),
+            _plot("age (ms): laser white, wheels orange", "plots/sensors"),
+            _plot("landmarks yellow, created green, removed red", "plots/map"),
+            *(() if is_live else _from_the_record()),
+        ),
+        grid_columns=2,
+    )
+
+
+def _from_the_record() -> tuple[Any, ...]:
+    return (
+        _plot("stages (ms)", "plots/stages", with_legend=True),
+        _plot("innovation (m): mean blue, RMS grey", "plots/innovation_range_m"),
+        _plot("innovation (deg): mean blue, RMS grey", "plots/innovation_bearing_deg"),
+        _plot("laser clock behind host (ms)", "plots/clock"),
+    )
+
+
+def _plot(name: str, origin: str, with_legend: bool = False) -> Any:
+    """Without a legend, which would hide the curves: the title says what is what, and so does hovering."""
+    always = rrb.TimeRangeBoundary.infinite()
+    return rrb.TimeSeriesView(
+        name=name,
+        origin=origin,
+        plot_legend=rrb.PlotLegend(visible=with_legend),
+        axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=always, end=always)),
+    )

@@ -18,6 +18,7 @@ from slam.pose import Pose2
 
 ENDS: dict[str, Color] = {"start": TRUTH, "end": MOVED}
 LARGE = 7.0  # points of the screen
+BESIDE = 0.08  # of the height of the view over the whole map: as wide as the names are
 SHOWN = ("run", "created", "verdict")
 
 
@@ -26,7 +27,8 @@ class DrawingState:
     """start_ns: stamp of the first tick; drawn: ticks so far; last_drawn: of them, when each kind of thing was drawn.
 
     before: the last estimate; landmarks: the last map; path_ends_m: where each path was left off, (1, 2) each.
-    driven_m: way so far; squared_error_m2: sum of as many as `errors`, against the simulator's truth.
+    start_m: where the path begins; driven_m: way so far; squared_error_m2: sum of as many as `errors`, against the
+    simulator's truth.
     """
 
     extent: Extent = field(default_factory=Extent)
@@ -41,6 +43,7 @@ class DrawingState:
     driven_m: float = 0.0
     squared_error_m2: float = 0.0
     errors: int = 0
+    start_m: tuple[float, float] = (0.0, 0.0)
 
     def measure(self, now: Estimate, truth: Pose2 | None) -> None:
         """Add up the way since the estimate before, by dead reckoning, and the square of the error."""
@@ -64,6 +67,7 @@ class DrawingState:
             "driven_m": self.driven_m,
             "squared_error_m2": self.squared_error_m2,
             "errors": self.errors,
+            "start_m": self.start_m,
             "clock": None if self.clock.state is None else asdict(self.clock.state),
         }
         estimate = b""
@@ -90,13 +94,27 @@ class DrawingState:
             values["driven_m"],
             values["squared_error_m2"],
             values["errors"],
+            tuple(values["start_m"]),
         )
 
 
-def draw_end(columns: ReviewColumns, name: str, pose: Pose2) -> None:
-    """A large point with its name, "start" or "end"."""
-    color = np.array((ENDS[name],), np.uint8)
-    columns.named_points(f"map/{name}", np.array(((pose.x_m, pose.y_m),)), color, [name])
+def draw_start(columns: ReviewColumns, state: DrawingState, pose: Pose2) -> None:
+    """A large point with its name."""
+    state.start_m = pose.x_m, pose.y_m
+    _draw_named(columns, "start", state.start_m, "start")
+
+
+def draw_end(columns: ReviewColumns, state: DrawingState, pose: Pose2) -> None:
+    """The same for the end; where it lies at the start, one point with both names, which would hide each other."""
+    word, (x_m, y_m) = "end", state.start_m
+    if math.hypot(pose.x_m - x_m, pose.y_m - y_m) < BESIDE * state.extent.eye_height_m:
+        word = "start and end"
+        columns.named_points("map/start", np.empty((0, 2)), np.empty((0, 3), np.uint8), [])
+    _draw_named(columns, "end", (pose.x_m, pose.y_m), word)
+
+
+def _draw_named(columns: ReviewColumns, name: str, place_m: tuple[float, float], word: str) -> None:
+    columns.named_points(f"map/{name}", np.array((place_m,)), np.array((ENDS[name],), np.uint8), [word])
 
 
 def first_place(path_m: Sequence[tuple[float, float]], pose: Pose2) -> Pose2:

@@ -9,6 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from drivers.measurements import FloatArray
+from runtime.review.curves import curve_views
 from runtime.review.ticks import ELAPSED
 from slam.observations import MatchVerdict
 from slam.pose import Pose2
@@ -62,6 +63,12 @@ CURVES: dict[str, Color] = {
 
 ROVER_HEIGHT_M = 0.25  # over all else
 AROUND_M = 14.0  # from where the view around the rover shows some 8 m ahead and behind
+FAR_M = 2.0 * AROUND_M  # the same for the laser's frame
+NEAR_NAMES, FAR_NAMES = "map/association/names", "map/association/names_far"
+NAMES: dict[str, tuple[float, float]] = {
+    path: (0.24 * height, 0.07 * height) for path, height in ((NEAR_NAMES, AROUND_M), (FAR_NAMES, FAR_M))
+}
+"""Where the names of features stand, and how wide and high a name is, in m, seen from the height of the view."""
 
 LEGEND = """\
 # How to read this run
@@ -82,7 +89,7 @@ LEGEND = """\
 | curves of age | laser white, wheels orange |
 | curves of innovation | seen minus expected, of ranges and bearings: mean blue, RMS grey |
 | curve of the laser's clock | host minus laser since the start: a slope is drift, 1 ms in 10 s is 100 ppm |
-| labelled points | a feature that is new, or the technique that refused to use it |
+| labelled points | a feature that is new, or the technique that refused it; "x 3": so many next to each other |
 
 {facts}
 """
@@ -141,9 +148,11 @@ def draw_static(recording: rr.RecordingStream, body_from_laser: Pose2) -> None:
     ):
         line = rr.LineStrips3D.from_fields(colors=[color], radii=rr.Radius.ui_points(size))
         recording.log(path, line, static=True)
-    for path, labels in (("map/association/new_and_refused", True), ("map/landmarks", False)):
-        style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(3.0), show_labels=labels)
+    for path in ("map/association/new_and_refused", "map/landmarks"):
+        style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(3.0), show_labels=False)
         recording.log(path, style, static=True)
+    for path in NAMES:
+        recording.log(path, rr.Points3D.from_fields(radii=rr.Radius.ui_points(0.1), show_labels=True), static=True)
     for path, colors in (("map/landmarks/covariances", None), ("map/pose_covariance", [(*SLAM, 70)])):
         disc = rr.Ellipsoids3D.from_fields(fill_mode="solid", colors=colors)
         recording.log(path, disc, static=True)
@@ -194,8 +203,11 @@ def draw_set_truth(recording: rr.RecordingStream, landmarks_m: FloatArray) -> No
         recording.log("map/truth_landmarks", rings, static=True)
 
 
-def layout(extent: Extent, with_truth: bool, caption: str = "map from above") -> rrb.Blueprint:
-    """Map from above with its caption, surroundings in the rover's and the laser's frame, plots, events, legend."""
+def layout(extent: Extent, with_truth: bool, caption: str = "map from above", is_live: bool = False) -> rrb.Blueprint:
+    """Map from above with its caption, surroundings in the rover's and the laser's frame, plots, events, legend.
+
+    is_live: without the plots of what a rover that drives does not tell.
+    """
     x_m, y_m = extent.center_m
     whole = rrb.Spatial3DView(
         name=caption,
@@ -209,7 +221,7 @@ def layout(extent: Extent, with_truth: bool, caption: str = "map from above") ->
     around = rrb.Spatial3DView(
         name="around the rover: what became of each feature",
         origin="map/rover",
-        contents=["map/**"],
+        contents=["map/**", f"- {FAR_NAMES}"],
         eye_controls=_from_above((0.0, 0.0, 0.0), AROUND_M),
         line_grid=_grid(AROUND_M),
         background=(14, 16, 20),
@@ -218,27 +230,13 @@ def layout(extent: Extent, with_truth: bool, caption: str = "map from above") ->
     laser = rrb.Spatial3DView(
         name="laser frame",
         origin="map/rover/laser",
-        contents=["map/laser/**", "- map/laser/trace", "map/rover/laser/**", "map/association/**"],
-        eye_controls=_from_above((0.0, 0.0, 0.0), 2.0 * AROUND_M),
+        contents=["map/laser/**", "- map/laser/trace", "map/rover/laser/**", "map/association/**", f"- {NEAR_NAMES}"],
+        eye_controls=_from_above((0.0, 0.0, 0.0), FAR_M),
         line_grid=_grid(AROUND_M),
         background=(14, 16, 20),
     )
     near = rrb.Tabs(around, laser)
-    error = "error (m): SLAM blue, odometry orange" if with_truth else "2 sigma of the position (m) grey"
-    plots = rrb.Grid(
-        _plot(error, "plots/error"),
-        _plot("effective particles violet, features grey, matched green", "plots/filter"),
-        _plot("loop (ms): step blue, late yellow", "plots/timing"),
-        rrb.Tabs(
-            _plot("speed (m/s)", "plots/motion"),
-            _plot("age (ms): laser white, wheels orange", "plots/sensors"),
-            _plot("landmarks yellow, created green, removed red", "plots/map"),
-            _plot("innovation (m): mean blue, RMS grey", "plots/innovation_range_m"),
-            _plot("innovation (deg): mean blue, RMS grey", "plots/innovation_bearing_deg"),
-            _plot("laser clock behind host (ms)", "plots/clock"),
-        ),
-        grid_columns=2,
-    )
+    plots = curve_views(with_truth, is_live)
     words = rrb.Tabs(
         rrb.TextLogView(name="events", origin="events", columns=_event_columns()),
         rrb.TextDocumentView(name="legend", origin="legend"),
@@ -284,14 +282,3 @@ def _whole_paths() -> Any:
 def _event_columns() -> Any:
     kinds = rrb.encodings.TextLogColumnKind
     return rrb.TextLogColumns(text_log_columns=[kinds.LogLevel, kinds.Body])
-
-
-def _plot(name: str, origin: str) -> Any:
-    """Without a legend, which would hide the curves: the title says what is what, and so does hovering."""
-    always = rrb.TimeRangeBoundary.infinite()
-    return rrb.TimeSeriesView(
-        name=name,
-        origin=origin,
-        plot_legend=rrb.PlotLegend(visible=False),
-        axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=always, end=always)),
-    )

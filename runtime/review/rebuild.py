@@ -13,7 +13,7 @@ from runtime.atomic_write import replacement
 from runtime.errors import InfantError, StorageError
 from runtime.messages.decoding import decoded
 from runtime.messages.pipe import DRAWN
-from runtime.optional_packages import needs
+from runtime.optional_packages import leave_out, needs
 from runtime.printable import printable
 from runtime.record.folder import RunFolder
 from runtime.record.reader import RunReader
@@ -99,6 +99,7 @@ def drawn_meanwhile(run: Path, out_rrd: Path) -> Iterator[Callable[[str], None]]
 
 def _draw(run: Path, out_rrd: Path, asked: "Connection[InfantError | None, str]") -> None:
     """The process: draws, waits for the verdict, and says what went wrong, None where nothing did."""
+    leave_out("pandas")
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is its parent's, which then terminates it
     has_to_end = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: has_to_end.set())  # raised anywhere it might be lost in a library

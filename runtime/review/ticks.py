@@ -107,13 +107,14 @@ class Motion:
         Each is turned once, by all three angles together: mount, motion since the scan, pose.
         """
         before, pose, mount = self.body_from_body_before, self.map_from_body, body_from_laser
-        share = np.clip((self.stamp_ns - stamps_ns) / self.span_ns, -1.0, 3.0)
+        share = np.maximum(np.minimum((self.stamp_ns - stamps_ns) / self.span_ns, 3.0), -1.0)
         angles_rad = pose.heading_rad + share * before.heading_rad
         cosine, sine = np.cos(angles_rad), np.sin(angles_rad)
         x, y = mount.transform(points_m).T
-        places_m = pose.transform(share[:, None] * (before.x_m, before.y_m))
-        places_m[:, 0] += cosine * x - sine * y
-        places_m[:, 1] += sine * x + cosine * y
+        way = pose @ Pose2(before.x_m, before.y_m)
+        places_m = np.empty_like(points_m)
+        places_m[:, 0] = pose.x_m + (way.x_m - pose.x_m) * share + cosine * x - sine * y
+        places_m[:, 1] = pose.y_m + (way.y_m - pose.y_m) * share + sine * x + cosine * y
         return places_m
 
 

@@ -15,8 +15,8 @@ from runtime.printable import printable
 from runtime.record.folder import RunFolder
 from runtime.review.columns import SIGMAS, ReviewColumns, mixed
 from runtime.review.curves import draw_curves, draw_speed
-from runtime.review.drawing_state import DrawingState, caption, draw_end, draw_end_styles, first_place
-from runtime.review.innovation import draw_association, draw_innovation, innovations, predicted_motion
+from runtime.review.drawing_state import DrawingState, caption, draw_end, draw_end_styles, draw_start, first_place
+from runtime.review.innovation import draw_association, draw_innovation, predicted_motion
 from runtime.review.layout import (
     DOUBTED,
     SURE,
@@ -36,14 +36,10 @@ from slam.pose import Pose2
 from slam.settings.slam import MountSettings
 
 TRACE_EVERY = 10  # ticks between the scans that stay and add up to a map
+PIECE_TICKS = 10  # of a path: who looks at a time in between sees it end 1 s before the rover at most
 BATCH_TICKS = 10  # ticks per write: 1 s, which a power cut loses ...
-AFTERWARDS_TICKS = 100  # ... ten times as many where nothing can be lost: a tenth of the chunks ...
+AFTERWARDS_TICKS = 300  # ... thirty times as many where nothing can be lost: fewer chunks, which cost most ...
 LIVE_TICKS = 2  # ... 0.2 s for who looks on
-LASER_PATHS = {
-    BeamVerdict.KEPT: "map/laser/kept",
-    BeamVerdict.MOVED: "map/laser/rejected",
-    BeamVerdict.NOT_COMPARED: "map/laser/not_compared",
-}
 TRACE_STEP = 3  # every third point of a scan: a wall stays a wall
 FLUSH_S = 30.0
 QUALITY_LEVELS = {Quality.TRACKING: "INFO", Quality.UNCERTAIN: "WARN", Quality.LOST: "ERROR"}
@@ -101,7 +97,7 @@ class ReviewWriter:
         """
         self._draw_last()
         if has_ended and self._state.before is not None:
-            draw_end(self._columns, "end", self._state.before.map_from_body)
+            draw_end(self._columns, self._state, self._state.before.map_from_body)
         self._end()
 
     def tell(self, facts: Mapping[str, str]) -> None:
@@ -123,7 +119,9 @@ class ReviewWriter:
         recording = rr.RecordingStream("infant", recording_id=f"infant-{self._name}")
         try:
             if self._viewer_url is not None:
-                recording.connect_grpc(self._viewer_url, default_blueprint=layout(self._state.extent, False))
+                recording.connect_grpc(
+                    self._viewer_url, default_blueprint=layout(self._state.extent, False, is_live=True)
+                )
             else:  # the footer's manifest of all chunks stays in memory until the file is closed: 3 MB a minute
                 recording.save(self._path, layout(self._state.extent, True), write_footer=True)
         except (RuntimeError, OSError) as error:
@@ -141,7 +139,12 @@ class ReviewWriter:
     def _end(self) -> None:
         self._flush()
         self._recording.send_blueprint(
-            layout(self._state.extent, self._state.with_truth, caption(self._state, self._facts)),
+            layout(
+                self._state.extent,
+                self._state.with_truth,
+                caption(self._state, self._facts),
+                self._viewer_url is not None,
+            ),
             make_active=True,
             make_default=True,
         )
@@ -174,13 +177,14 @@ class ReviewWriter:
         if estimate is not None:
             motion = Motion.between(self._state.before, estimate)
             if self._state.before is None:
-                draw_end(self._columns, "start", first_place(self._paths["SLAM"], estimate.map_from_body))
+                draw_start(self._columns, self._state, first_place(self._paths["SLAM"], estimate.map_from_body))
             else:
                 draw_speed(self._columns, self._state.before, estimate)
             self._state.measure(estimate, assembled.truth)
             self._draw_track(tick.stamp_ns)
             if self._state.before is not None:
-                self._draw_innovation(estimate, predicted_motion(self._state.before, estimate, motion))
+                predicted = predicted_motion(self._state.before, estimate, motion)
+                draw_innovation(self._columns, estimate, self._state.landmarks, predicted, self._body_from_laser)
             self._draw_poses(estimate, assembled.truth)
             if estimate.particles is not None:
                 self._columns.points("map/particles", estimate.particles[:, :2])
@@ -198,6 +202,8 @@ class ReviewWriter:
                 )
             self._state.before = estimate
         self._state.drawn += 1
+        if self._state.drawn % PIECE_TICKS == 0:
+            self._lay_paths()
         if self._state.drawn % self._batch_ticks == 0:
             self._flush()
 
@@ -250,14 +256,6 @@ class ReviewWriter:
         self._columns.scalar("plots/error/SLAM_m", float(self._track.errors_m[passed][-1]))
         self._state.extent = self._state.extent.with_points(self._track.places_m[passed])
 
-    def _draw_innovation(self, estimate: Estimate, predicted: Motion) -> None:
-        if self._state.landmarks is None or estimate.features is None or estimate.matches is None:
-            return
-        errors = innovations(
-            estimate.features, estimate.matches, self._state.landmarks, predicted, self._body_from_laser
-        )
-        draw_innovation(self._columns, *errors)
-
     def _draw_landmarks(self, estimate: Estimate) -> None:
         if (landmarks := estimate.landmarks) is None:
             return
@@ -279,13 +277,16 @@ class ReviewWriter:
         if verdicts is None or verdicts.size != scan.ranges_m.size:
             verdicts = np.full(scan.ranges_m.size, BeamVerdict.NOT_COMPARED, np.uint8)
         points_m, verdicts = motion.to_map(stamps_ns, laser_m, self._body_from_laser), verdicts[beams]
-        for verdict, path in LASER_PATHS.items():
-            self._columns.points(path, points_m[verdicts == verdict])
+        self._columns.scan(points_m, verdicts)
         if self._due("trace", TRACE_EVERY):
             self._columns.points("map/laser/trace", points_m[verdicts == BeamVerdict.KEPT][::TRACE_STEP])
 
     def _flush(self) -> None:
-        """Send the columns and one piece of each path, which begins where the last one ended."""
+        self._lay_paths()
+        self._columns.flush()
+
+    def _lay_paths(self) -> None:
+        """One piece of each path, which begins where the last one ended."""
         for name, points in self._paths.items():
             if not points:
                 continue
@@ -297,4 +298,3 @@ class ReviewWriter:
             if len(piece_m) > 1:
                 self._columns.strip(f"map/path/{name}", piece_m)
             points.clear()
-        self._columns.flush()

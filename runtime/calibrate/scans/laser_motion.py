@@ -42,10 +42,17 @@ class LaserMotion:
     failed: int
 
 
-def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray, most: int = EVERY_PAIR) -> LaserMotion:
+def laser_motion(
+    drive: DriveData,
+    model: WheelModel,
+    parameters: FloatArray,
+    most: int = EVERY_PAIR,
+    seen: dict[int, Shapes] | None = None,
+) -> LaserMotion:
     """Choose keyframes by the wheels, undo the motion within each sweep, and match each with the one before.
 
-    most: pairs of keyframes, taken evenly from the drive.
+    most: pairs of keyframes, taken evenly from the drive. seen: shapes by number of the scan, of the same drive with
+    the same parameters; more are added.
     """
     series = drive.wheel_series()
     stamps = drive.scan_times_s()
@@ -53,7 +60,7 @@ def laser_motion(drive: DriveData, model: WheelModel, parameters: FloatArray, mo
     wheels = model.dead_reckoning(series, parameters)
     true_s = stamps - latency
     known = (true_s > series.times_s[0]) & (true_s < series.times_s[-1])
-    seen: dict[int, Shapes] = {}
+    seen = {} if seen is None else seen
     steps: dict[tuple[int, int], Match] = {}
     failed = 0
     # the same keyframes in every pass: a step more or less would move the result by a part of its interval

@@ -10,6 +10,7 @@ from drivers.measurements import BoolArray, FloatArray
 from runtime.calibrate.dead_reckoning import seen_by_laser
 from runtime.calibrate.drive_data import CalibrationStart, DriveData, Start
 from runtime.calibrate.scans.laser_motion import LaserMotion, laser_motion
+from runtime.calibrate.scans.shapes import Shapes
 from runtime.calibrate.wheel_model import WheelModel, model_of
 from slam.pose import Pose2, composed, inverted, wrap_rads
 
@@ -45,12 +46,18 @@ OTHERS = (
 """In the order in which they are tried."""
 
 
-def orientation(drives: Sequence[DriveData], start: Start, others: Sequence[Orientation] = OTHERS) -> Orientation:
+def orientation(
+    drives: Sequence[DriveData],
+    start: Start,
+    others: Sequence[Orientation] = OTHERS,
+    seen: Sequence[dict[int, Shapes]] | None = None,
+) -> Orientation:
     """The first orientation in which wheels and laser agree; what is believed where there is none.
 
-    What agrees without turns may still be mirrored, but looks where it should.
+    What agrees without turns may still be mirrored, but looks where it should. seen: gets the shapes that were found in
+    each drive as it is believed to be, for laser_motion.
     """
-    believed = agreement(drives, model_of(start))
+    believed = agreement(drives, model_of(start), seen)
     looks_right = believed.share >= AGREEING
     if looks_right and believed.turns >= LEAST_TURNS:
         return AS_BELIEVED
@@ -89,12 +96,14 @@ class Agreement:
     turns: int
 
 
-def agreement(drives: Sequence[DriveData], model: WheelModel) -> Agreement:
-    """How far the laser's own account of the drives is what the wheels say."""
+def agreement(
+    drives: Sequence[DriveData], model: WheelModel, seen: Sequence[dict[int, Shapes]] | None = None
+) -> Agreement:
+    """How far the laser's own account of the drives is what the wheels say. seen: as laser_motion takes it."""
     tried = 0
     agree, turned = np.zeros(0, dtype=np.bool_), np.zeros(0, dtype=np.bool_)
-    for drive in drives:
-        motion = laser_motion(drive, model, model.start, TRIED_STEPS)
+    for drive, shapes in zip(drives, seen or [{} for _ in drives], strict=True):
+        motion = laser_motion(drive, model, model.start, TRIED_STEPS, shapes)
         told = _told(motion, model)
         tried += len(told) + motion.failed
         agree = np.append(agree, _agreeing(told, motion.means))

@@ -7,11 +7,10 @@ the thing as the laser passes, makes every drive look too short.
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from drivers.measurements import FloatArray, IntArray, Scan
+from drivers.measurements import BoolArray, FloatArray, IntArray, Scan
 from slam.pose import rotated
 
 NEAREST_M = 0.1  # nearer returns are the rover's own parts
@@ -70,11 +69,17 @@ def shapes(scan: Scan, laser_twist: FloatArray) -> Shapes:
     edges: list[tuple[float, ...]] = []
     things: list[tuple[float, ...]] = []
     ends = _breaks(ranges, scan.bearings_rad[beams])
-    for begin, end in pairwise(ends):
-        width = float(ranges[begin:end].min()) * spacing * float(beams[end - 1] - beams[begin] + 1)
-        if width <= COMPACT_M and _stands_free(ranges, beams, begin, end, len(scan.bearings_rad)):
+    begins, ends = ends[:-1], ends[1:]
+    counts = (beams[ends - 1] - beams[begins] + 1).astype(np.float64)
+    compact = np.minimum.reduceat(ranges, begins) * spacing * counts <= COMPACT_M
+    compact &= _stand_free(ranges, beams, begins, ends, len(scan.bearings_rad))
+    angles_rad = spacing * counts
+    for begin, end, angle_rad, is_compact in zip(
+        *(each.tolist() for each in (begins, ends, angles_rad, compact)), strict=True
+    ):
+        if is_compact:
             if end - begin >= fewest:
-                things.append(_thing(points[begin:end], spacing * float(beams[end - 1] - beams[begin] + 1), spacing))
+                things.append(_thing(points[begin:end], angle_rad, spacing))
         elif end - begin >= EDGE_POINTS:
             edges += _edges(points[begin:end])
     edge_rows, thing_rows = np.array(edges).reshape(-1, 6), np.array(things).reshape(-1, 4)
@@ -91,14 +96,15 @@ def _breaks(ranges: FloatArray, bearings: FloatArray) -> IntArray:
     return np.concatenate(((0,), np.flatnonzero(broken) + 1, (len(ranges),)))
 
 
-def _stands_free(ranges: FloatArray, beams: IntArray, begin: int, end: int, beam_count: int) -> bool:
-    """True where both sides look past the thing, onto something farther or nothing at all."""
-    if beams[begin] == 0 or beams[end - 1] == beam_count - 1:
-        return False
-    farther = float(ranges[begin:end].max()) + BACKGROUND_M
-    before = begin == 0 or beams[begin] - beams[begin - 1] > 2 or ranges[begin - 1] > farther
-    after = end == len(ranges) or beams[end] - beams[end - 1] > 2 or ranges[end] > farther
-    return bool(before and after)
+def _stand_free(ranges: FloatArray, beams: IntArray, begins: IntArray, ends: IntArray, beam_count: int) -> BoolArray:
+    """Of which surfaces (n,) both sides look past the thing, onto something farther or nothing at all."""
+    farther = np.maximum.reduceat(ranges, begins) + BACKGROUND_M
+    open_between = np.diff(beams)[begins[1:] - 1] > 2
+    before, after = np.ones((2, len(begins)), np.bool_)
+    before[1:] = open_between | (ranges[begins[1:] - 1] > farther[1:])
+    after[:-1] = open_between | (ranges[ends[:-1]] > farther[:-1])
+    free: BoolArray = before & after & (beams[begins] != 0) & (beams[ends - 1] != beam_count - 1)
+    return free
 
 
 def _thing(points: FloatArray, angle_rad: float, spacing: float) -> tuple[float, ...]:
@@ -107,7 +113,7 @@ def _thing(points: FloatArray, angle_rad: float, spacing: float) -> tuple[float,
     middle = first / math.hypot(*first) + last / math.hypot(*last)
     sight = middle / math.hypot(*middle)
     sine = math.sin(0.5 * angle_rad)
-    mean_m = float(np.hypot(points[:, 0], points[:, 1]).mean())
+    mean_m = float(np.add.reduce(np.hypot(points[:, 0], points[:, 1]))) / len(points)
     distance_m = mean_m / (1.0 - SETBACK * sine)
     radial = RANGE_NOISE_M**2 / len(points) + (0.1 * distance_m * sine) ** 2 + ROUND_M**2
     tangential = (distance_m * spacing) ** 2 / 12.0 + ROUND_M**2
@@ -116,17 +122,19 @@ def _thing(points: FloatArray, angle_rad: float, spacing: float) -> tuple[float,
 
 def _edges(points: FloatArray) -> list[tuple[float, ...]]:
     """Split where the chord is left by too much, cut what is long, fit each piece."""
-    first, last = points[0], points[-1]
-    chord = last - first
-    length = math.hypot(chord[0], chord[1])
-    if len(points) < EDGE_POINTS or length < EDGE_LENGTH_M:
+    if len(points) < EDGE_POINTS:
         return []
-    off = np.abs(chord[0] * (points[:, 1] - first[1]) - chord[1] * (points[:, 0] - first[0])) / length
-    farthest = int(np.argmax(off[1:-1])) + 1
-    if off[farthest] > SPLIT_M:
-        return _edges(points[: farthest + 1]) + _edges(points[farthest:])
+    (first_x, first_y), (last_x, last_y) = points[0].tolist(), points[-1].tolist()
+    chord_x, chord_y = last_x - first_x, last_y - first_y
+    length = math.hypot(chord_x, chord_y)
+    if length < EDGE_LENGTH_M:
+        return []
+    off = np.abs(chord_x * (points[1:-1, 1] - first_y) - chord_y * (points[1:-1, 0] - first_x))
+    farthest = int(off.argmax())
+    if off[farthest] > SPLIT_M * length:
+        return _edges(points[: farthest + 2]) + _edges(points[farthest + 1 :])
     if length > EDGE_LONGEST_M:
-        along = (points - first) @ chord / length
+        along = (points - points[0]) @ (chord_x, chord_y) / length
         cuts = np.searchsorted(along, np.arange(1, math.ceil(length / EDGE_LONGEST_M)) * EDGE_LONGEST_M)
         pieces = [piece for piece in np.split(points, cuts) if len(piece) >= EDGE_POINTS]
         return [_edge(piece) for piece in pieces if np.hypot(*(piece[-1] - piece[0])) >= EDGE_LENGTH_M]
@@ -135,7 +143,7 @@ def _edges(points: FloatArray) -> list[tuple[float, ...]]:
 
 def _edge(points: FloatArray) -> tuple[float, ...]:
     """Line of least distances: centre x, y, angle of the normal, length, variance across, variance of the angle."""
-    centre = points.mean(axis=0)
+    centre = np.add.reduce(points) / len(points)
     x, y = (points - centre).T
     xx, xy, yy = float(x @ x), float(x @ y), float(y @ y)
     along = 0.5 * math.atan2(2.0 * xy, xx - yy)

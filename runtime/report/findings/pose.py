@@ -7,8 +7,8 @@ from drivers.measurements import Severity
 from runtime.report.facts import QUALITIES, RunFacts
 from runtime.report.finding import Finding, Interval, intervals_where, silences, spans_text
 from runtime.report.findings.searching import is_never_found, searched_until_s
-from slam.quality import UNCERTAIN_GAP_M
 
+UNCERTAIN_GAP_M = 1.5  # as slam.quality has it, which tests hold it to: to import that loads a compiler, 45 MB
 STARTING_S = 2.0  # before the first scans nothing is known, and that is no fault
 BLIND_SCANS_S = 1.0  # of silence put a pose in doubt
 FLAPPING_S = 2.0  # doubts with shorter breaks between them are one

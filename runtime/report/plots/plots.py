@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from bokeh.document import Document
 from bokeh.embed import components
 from bokeh.models import BoxZoomTool, ColumnDataSource, CrosshairTool, CustomJS, DataRange1d, HoverTool, Range1d
 from bokeh.models.annotations import BoxAnnotation, Label, Span
@@ -195,6 +196,10 @@ def embedded(plots: Mapping[str, Any]) -> tuple[Markup, dict[str, Markup]]:
     places = {name: Markup('<p class="quiet">Nothing recorded.</p>') for name in plots}
     if not known:
         return Markup(), places
+    together = Document()
+    with together.models.freeze():  # else the library looks through all plots again with each that is added
+        for plot in known.values():
+            together.add_root(plot)
     script, divs = components(known)
     library = Resources(mode="inline", components=["bokeh"]).render_js()
     # the library's own markup: names of runs and what devices say are in no plot

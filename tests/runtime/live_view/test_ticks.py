@@ -17,10 +17,10 @@ from runtime.live_view import view
 from runtime.live_view.ticks import HEARD, LiveTicks, path_of
 from runtime.live_view.view import draw_live, view_live
 from runtime.messages.definitions import deserialize, serialize
-from runtime.messages.map_json import landmark_json
+from runtime.messages.map_json import json_bytes, landmark_json
 from runtime.publish.find_rover import FoundRover
 from runtime.publish.follow import Message
-from runtime.publish.messages import event_json
+from runtime.publish.messages import event_json, status_object
 from runtime.review.ticks import AssembledTick
 from runtime.ros2.laser_scan import scan_bytes
 from runtime.ros2.odometry import OdometryTrack, odometry_bytes
@@ -79,6 +79,32 @@ def test_every_tick_comes_out_with_its_own_pose_scan_and_particles() -> None:
         np.testing.assert_array_equal(np.isfinite(scan.ranges_m), np.isfinite(own.ranges_m))
         np.testing.assert_allclose(scan.bearings_rad, own.bearings_rad, atol=1e-5)
         assert (got.landmarks is None) == (wanted.landmarks is None)
+
+
+def test_what_a_status_tells_of_filter_and_loop_is_drawn_once() -> None:
+    ticks, track, told = LiveTicks("r1"), OdometryTrack(VEHICLE.odometry), []
+    for number, completed in enumerate(completed_ticks(12)):
+        messages = said(completed, track)
+        if number == 1:
+            status = {
+                **status_object("r1", WALL_NS, completed, 10.0, None),
+                "listening": [],
+                "host": "",
+                "instance": "",
+            }
+            messages.append(Message("status", json_bytes(status)))
+            wanted = completed
+        told += [assembled for message in messages if (assembled := ticks.take(message)) is not None]
+    drawn = [assembled for assembled in told if assembled.timing is not None]
+    assert len(told) == 11
+    assert len(drawn) == 1
+    assert drawn[0].timing is not None
+    assert drawn[0].estimate is not None
+    assert drawn[0].timing.stages_ns["step"] == pytest.approx(wanted.timing.stages_ns["step"], abs=1000)
+    assert drawn[0].estimate.counts["effective_particles"] == pytest.approx(
+        wanted.estimate.counts["effective_particles"], abs=0.051
+    )
+    assert all(not assembled.estimate.counts for assembled in told if assembled.estimate and assembled is not drawn[0])
 
 
 @pytest.mark.parametrize("name", [*HEARD, "map"])

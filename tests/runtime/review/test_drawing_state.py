@@ -3,15 +3,20 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
+import rerun as rr
 
 from drivers.measurements import Severity
 from drivers.scip.scan import encode_scan
 from runtime.messages.tick import LaserBytes, Record, encode_laser_bytes
 from runtime.review.clock_offset import LaserClockOffset
-from runtime.review.drawing_state import DrawingState
+from runtime.review.columns import ReviewColumns
+from runtime.review.drawing_state import DrawingState, draw_end, draw_start
 from runtime.review.ticks import TickAssembler
 from runtime.review.writer import ReviewWriter
 from runtime.settings.review import ReviewSettings
+from slam.pose import Pose2
+from tests.runtime.review.test_rebuild import Drawn
 from tests.support.runtime.drawn_drive import MOUNT, drive
 
 WRAP_MS = 1 << 24
@@ -74,3 +79,20 @@ def test_a_tick_whose_scan_was_lost_on_the_way_is_said_with_the_next_one() -> No
     (event,) = last.losses
     assert (event.source, event.kind, event.severity) == ("review", "incomplete", Severity.WARN)
     assert "infant review" in event.reason
+
+
+@pytest.mark.parametrize(("end_m", "words"), [((0.4, 0.3), {"start and end"}), ((9.0, 3.0), {"start", "end"})])
+def test_a_run_that_ends_where_it_began_has_one_name_there(
+    end_m: tuple[float, float], words: set[str], tmp_path: Path
+) -> None:
+    recording, state = rr.RecordingStream("infant"), DrawingState()
+    recording.save(tmp_path / "ends.rrd")
+    columns = ReviewColumns(recording)
+    draw_start(columns, state, Pose2(0.0, 0.0, 0.0))
+    columns.at(10_000_000_000, 100)
+    draw_end(columns, state, Pose2(*end_m, 0.0))
+    columns.flush()
+    recording.disconnect()
+    drawn = Drawn(tmp_path / "ends.rrd")
+    names = [drawn.values[(f"/map/{name}", "labels")][-1] or [] for name in ("start", "end")]
+    assert {label for row in names for label in row} == words

@@ -16,7 +16,7 @@ from runtime.record.header import RunHeader
 from runtime.record.mcap_file import RunWriter
 from runtime.record.reader import RunReader
 from runtime.review.clock_offset import LaserClockOffset
-from runtime.review.innovation import innovations, predicted_motion
+from runtime.review.innovation import beside_each_other, innovations, predicted_motion
 from runtime.review.rebuild import build_review
 from runtime.review.ticks import Motion
 from runtime.review.truth import truth_track
@@ -138,3 +138,12 @@ def test_the_review_of_an_import_is_that_of_its_newest_replay(tmp_path: Path) ->
     write_imported_run(replay, Pose2(), 0.0)
     (replay / "summary.json").write_text("{}")
     assert review_paths(imported) == [replay / "review.rrd"]
+
+
+def test_names_do_not_lie_over_one_another_and_say_how_many_there_are() -> None:
+    points_m = np.array(((0.0, 0.0), (0.5, 0.1), (0.4, -0.2), (0.2, 0.1), (9.0, 0.0), (0.0, 3.0)))
+    labels = ["difference", "difference", "density", "difference", "difference", "new"]
+    chosen, words = beside_each_other(points_m, labels, (3.0, 1.0))
+    assert chosen == [0, 4, 5]
+    assert words == ["difference x 3", "difference", "new"]
+    assert beside_each_other(np.empty((0, 2)), [], (3.0, 1.0)) == ([], [])
