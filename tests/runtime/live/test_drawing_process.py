@@ -129,6 +129,7 @@ def test_a_slow_child_is_waited_for_while_it_works_and_within_bounds(
     for tick in drive(10):
         for record in tick:
             process.feed(record)
+    assert until((tmp_path / "review.rrd").exists, 600.0)
     process.finish_by(latest_s)
     process.close()
     assert process.health().trouble.startswith(trouble)

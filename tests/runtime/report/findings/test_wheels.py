@@ -103,6 +103,18 @@ def test_wheels_that_never_spoke_are_told_with_what_the_driver_met(
     assert finding.severity is Severity.ERROR
 
 
+def test_a_silent_bus_is_no_fault_of_the_left_wheel_whatever_an_older_driver_said(facts: RunFacts) -> None:
+    """It named the wheel that it looked at first."""
+    nothing = replace(facts, wheels=WheelColumns(np.zeros(0), np.zeros((0, 2)), np.zeros(0, np.bool_)))
+    at_ns = facts.origin_ns + 1
+    events = (
+        Event(at_ns, "health", "ready", "ready: encoders starting: left wheel: not heard so far", Severity.INFO),
+        Event(at_ns, "encoders", "silent", NO_FRAME, Severity.WARN),
+    )
+    (finding,) = wheel_findings(replace(nothing, events=events))
+    assert (finding.kind, finding.title) == ("odometry_silent", "Both wheel encoders sent nothing in the whole run")
+
+
 def test_a_bus_that_goes_away_while_driving_is_told_as_that(facts: RunFacts) -> None:
     (finding,) = _told(facts, (4.2, "open", NO_BUS))
     assert finding.title.startswith("Both wheel encoders stopped sending")
