@@ -12,6 +12,7 @@ from drivers.settings.simulated_wheels import WheelFault
 from drivers.settings.simulated_world import KidnapSettings
 from runtime.errors import UsageError
 from runtime.expected_value import expected_value
+from runtime.printable import printable_lines
 
 EXAMPLES = "for example 'laser silence duration_s=2', 'wheels slip share=0.3', 'world kidnap' or 'clear laser'"
 FAULTS: dict[str, type[BaseModel]] = {"laser": LaserFault, "wheels": WheelFault, "world": KidnapSettings}
@@ -34,9 +35,10 @@ def obey_lines(lines: TextIO, devices: Mapping[str, Device], say: Callable[[str]
         for line in lines:
             if line.strip():
                 try:
-                    say(obey(line, devices))
+                    said = obey(line, devices)
                 except UsageError as error:
-                    say(str(error))
+                    said = str(error)
+                say(printable_lines(said))
 
     thread = threading.Thread(target=listen, name="typed-faults", daemon=True)
     thread.start()

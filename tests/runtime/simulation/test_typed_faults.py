@@ -1,5 +1,6 @@
 """A person at a running `infant sim` can let something go wrong, and is told what was not understood."""
 
+import io
 import subprocess
 import sys
 from typing import get_args
@@ -10,7 +11,7 @@ from pydantic import BaseModel
 from drivers.settings.simulated_laser import FaultKind, LaserFault
 from drivers.settings.simulated_wheels import WheelFault
 from runtime.errors import UsageError
-from runtime.simulation.typed_faults import obey
+from runtime.simulation.typed_faults import obey, obey_lines
 from runtime.source_tree import ROOT
 
 
@@ -38,6 +39,14 @@ def test_a_line_becomes_a_fault_of_the_device_and_clear_ends_it() -> None:
     assert wheels.faults == [WheelFault(kind="loss", wheel="both", probability=0.5)]
     obey("clear laser", devices)
     assert laser.faults == []
+
+
+def test_what_was_typed_is_repeated_in_few_printable_characters() -> None:
+    said: list[str] = []
+    lines = io.StringIO("\x1b[2J\n" + "x" * 1_000_000 + "\nlaser a\x07=b\nhelp\n")
+    obey_lines(lines, {"laser": Recorded()}, said.append).join(60.0)
+    assert len(said) == 4
+    assert all(line.isprintable() and len(line) < 5000 for sentence in said for line in sentence.split("\n"))
 
 
 @pytest.mark.parametrize(
