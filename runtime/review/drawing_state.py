@@ -118,7 +118,7 @@ def _draw_named(columns: ReviewColumns, name: str, place_m: tuple[float, float],
 
 
 def first_place(path_m: Sequence[tuple[float, float]], pose: Pose2) -> Pose2:
-    """Where the path begins, which who looks on from late is told of, or else the first pose that is drawn."""
+    """Where the path begins that a late viewer was told of, else the first pose that is drawn."""
     return Pose2(*path_m[0]) if path_m else pose
 
 

@@ -79,15 +79,23 @@ def test_slices_of_work_change_no_bit(ground: Ground) -> None:
 
 
 def test_a_slice_is_not_much_more_work_than_was_asked_for(ground: Ground) -> None:
-    """The places to refine are chosen in one slice: by a loop over all of them it took a hundred times as long."""
-    laying = Laying(ground, around(PLACES[0], ring_of_corridors(1)))
-    spent_s, found = [], None
+    """The places to refine are chosen in one slice: by a loop over all of them it took a hundred times as long.
+
+    Every laying has the same slices, and whatever else the machine does falls on others each time.
+    """
+    points = around(PLACES[0], ring_of_corridors(1))
+    spent_s = np.array([seconds_of_slices(ground, points) for _ in range(7)]).min(axis=0)
+    assert 20 < len(spent_s) < 1_000
+    assert max(spent_s) < 10.0 * np.median(spent_s)
+
+
+def seconds_of_slices(ground: Ground, points: FloatArray) -> list[float]:
+    laying, spent_s, found = Laying(ground, points), list[float](), None
     while found is None:
         begin_s = time.process_time()
         found = laying.advance(200_000)
         spent_s.append(time.process_time() - begin_s)
-    assert 20 < len(spent_s) < 1_000
-    assert max(spent_s) < 10.0 * np.median(spent_s)
+    return spent_s
 
 
 def test_the_ground_is_finished_in_steps_that_change_no_bit(ground: Ground) -> None:
