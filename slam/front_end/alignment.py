@@ -1,5 +1,4 @@
-"""Lays a scan onto those before it where the wheels alone do not tell well enough how the rover moved (decisions 0016,
-0026, 0027).
+"""Lays a scan onto those before it where the wheels do not tell well enough how the rover moved (decisions 16, 26, 27).
 
 The motion by the wheels is the prior of a point-to-line alignment (Censi 2008) with a few earlier scans; the
 result enters the filter as the increment that the wheels would have given, better known.
@@ -31,6 +30,7 @@ LEAST_VIEW_RAD = 1.0  # nor where what came back fills less of the view: people 
 LEAST_SHARE = 0.3  # nor with a smaller share of the points that came back
 NEED_M = 0.15  # half the width of a door post: what the wheels may be off by before features are matched wrongly
 NEED_AMONG_WALLS_M = 0.1  # the same where a scan shows surfaces, onto which it can be laid more exactly than that
+LAID_ALONE_M, WALLS_ALONE_M = 0.1, 0.27  # above the latter, a landmark's gate of 3.7 sigma reaches the next door frame
 WALLS_SHARE = 0.8  # of the returns of a scan that lie on surfaces there: trees have half of them
 UNUSUAL_SHARE = 0.15  # so many points fewer than usual on surfaces of the scan before say that the wheels are wrong
 FIRST_USUAL_SHARE, USUAL_GAIN = 0.9, 0.05
@@ -79,28 +79,31 @@ class Alignment:
         self.searched_ns: int | None = None
         self.refined = self.found_widely = 0
         self.laid: Beams | None = None
-        self.is_disputed = self.is_due = False
+        self.is_disputed = self.is_due = self._could_be_laid = False
         self._since_laid = np.zeros((3, 3))
 
     @property
-    def asks_for_two(self) -> bool:
-        """Whether the latest scan, laid or disputed, is such that one landmark alone should not move the pose."""
-        return self.laid is not None or self.is_disputed
+    def alone_m(self) -> float:
+        """Sigma of where a landmark should be seen above which it should not move the pose alone; inf where it must."""
+        if self._could_be_laid:
+            return WALLS_ALONE_M
+        return LAID_ALONE_M if self.laid is not None or self.is_disputed else math.inf
 
     def refine(self, scan: ScanLike, increment: Increment) -> Increment:
         """The increment up to this scan, better known where that is needed, as it is elsewhere.
 
         Shown every scan once and in order. Raises ValueError when the bearings of a sparse scan do not increase.
         """
-        self.laid, self.is_disputed, self.is_due = None, False, False
+        self.laid, self.is_disputed, self.is_due, self._could_be_laid = None, False, False, False
         if not self._settings.alignment.enabled or not isinstance(scan, Scan) or scan.ranges_m.size < 2:
             return increment
-        twist = Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps)
-        now = SeenFrom(scan, twist, Pose2())
+        now = SeenFrom(scan, Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps), Pose2())
         if self._past:
-            if not increment.at_rest and (self._sparse(scan.stamp_ns) or self._is_needed(increment)):
+            sees_walls = self._is_among_walls()
+            if not increment.at_rest and (self._sparse(scan.stamp_ns) or self._is_needed(increment, sees_walls)):
                 increment = self._aligned(now, increment)
-            elif self._is_among_walls():
+            elif sees_walls:
+                self._could_be_laid = True
                 if self._looks_unusual(now, increment):
                     increment = self._aligned(now, increment, only_if_slipped=True)
                 self._since_laid += np.nan_to_num(self._trust.scaled(increment.covariance))
@@ -119,12 +122,9 @@ class Alignment:
         needed = list(self._past)[-LEAST_SUPPORT:]
         return any(stamp_ns - past.scan.stamp_ns > oldest_ns for past in needed)
 
-    def _is_needed(self, increment: Increment) -> bool:
-        """True where the wheels could move what is matched by more than things lie apart, and among walls where they
-        could by more than walls are seen to a few centimetres.
-        """
-        off_m = _off_m(self._trust.scaled(increment.covariance))
-        return off_m > NEED_M or (off_m > NEED_AMONG_WALLS_M and self._is_among_walls())
+    def _is_needed(self, increment: Increment, sees_walls: bool) -> bool:
+        """True where the wheels could move what is matched by more than things lie apart, or than walls are seen to."""
+        return _off_m(self._trust.scaled(increment.covariance)) > (NEED_AMONG_WALLS_M if sees_walls else NEED_M)
 
     def _looks_unusual(self, now: SeenFrom, increment: Increment) -> bool:
         """Whether the scan lies on the one before worse than it usually does by the wheels' motion."""

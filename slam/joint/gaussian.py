@@ -166,14 +166,14 @@ class JointGaussian:
         hints: IntArray,
         sight: SightLine = NO_SIGHT,
         confidence: Confidence = CONFIDENT,
-        asks_for_two: bool = False,
+        alone_m: float = math.inf,
         begins: bool = False,
     ) -> IntArray:
         """What the scan at the predicted pose shows; where a map begins everything may create a landmark.
 
         hints (K,): identities or verdicts of the best particle, for a variant. sight: how far the scan looked.
         confidence: what earlier scans said of the pose; while it is lost, nothing is written into the map.
-        asks_for_two: landmarks that may be anywhere move the pose together or not at all. Returns this filter's own
+        alone_m: landmarks whose place is known worse move the pose together or not at all. Returns this filter's own
         identities or verdicts (K,).
         """
         state = self.state
@@ -182,9 +182,9 @@ class JointGaussian:
         places = places_within(state.mean, state.size, sensor[0], sensor[1], self._reach_m)
         if len(self.keyframe_ends):
             places = places[state.atlas.identities[state.rows_at(places)] != KEYFRAME]
-        chosen = self._associate(features, hints, places, asks_for_two)
+        chosen = self._associate(features, hints, places, alone_m)
         settled = self._settled(places, confidence.settled_before)
-        unsure = undecided(self._arrays, places, asks_for_two, features, gates_of(self._tuning))
+        unsure = undecided(self._arrays, places, alone_m, features, gates_of(self._tuning))
         near, atlas = state.rows_at(places), state.atlas
         from_elsewhere = self._since_look_m >= LOOK_STEP_M
         if from_elsewhere:
@@ -224,14 +224,14 @@ class JointGaussian:
         """The state as compiled code takes it."""
         return JointArrays(self.state.mean, self.state.covariance, self.state.size, self._mount)
 
-    def _associate(self, features: FeatureRows, hints: IntArray, places: IntArray, asks_for_two: bool) -> IntArray:
+    def _associate(self, features: FeatureRows, hints: IntArray, places: IntArray, alone_m: float) -> IntArray:
         """(K,) numbers of landmarks among places (k,), or verdicts."""
         tuning, state = self._tuning, self.state
         reported = bool((features.identities >= 0).any())
         if not reported and self._variant.association == "own":
             old, everywhere = self._settled(places, self.scans - SETTLED_SCANS), self._landmark_places()
             gates = gates_of(tuning)
-            return associate_with_slip(self._arrays, places, everywhere, old, asks_for_two, features, gates)
+            return associate_with_slip(self._arrays, places, everywhere, old, alone_m, features, gates)
         mean, covariance = block(state.mean, state.covariance, places)
         gate = tuning.match_known_square if reported else gates_of(tuning).match_widest
         hints = features.identities if reported else hints

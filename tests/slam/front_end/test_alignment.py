@@ -10,7 +10,7 @@ from drivers.settings.simulated_world import WorldSettings
 from runtime.studies.loss_detection.drives import simulated_ticks
 from slam.estimator import Estimator
 from slam.front_end import alignment_search
-from slam.front_end.alignment import Alignment
+from slam.front_end.alignment import LAID_ALONE_M, WALLS_ALONE_M, Alignment
 from slam.front_end.alignment_kernels import EarlierScans
 from slam.front_end.alignment_search import Search
 from slam.odometry.odometry import Increment, Odometry
@@ -108,6 +108,8 @@ def test_good_wheels_that_add_up_are_laid_onto_keyframes_where_enough_is_seen(
         scan = replace(before, stamp_ns=number * 100_000_000, ranges_m=ranges)
         alignment.refine(scan, replace(SURE, mean=np.zeros(3)))
         laid.append(alignment.laid is not None)
+        if number:
+            assert alignment.alone_m == (LAID_ALONE_M if laid[-1] else WALLS_ALONE_M), "no landmark is needed alone"
         assert alignment.is_due == laid[-1]
     assert alignment.refined == 0
     assert least <= sum(laid) <= most
@@ -175,7 +177,7 @@ def test_where_neither_wheels_nor_scan_are_clearly_right_either_may_be(stops: li
         told = alignment.refine(replace(stops[0].scan, stamp_ns=3 * SECOND_NS * step, ranges_m=ranges), claimed)
     assert told.mean is claimed.mean
     assert alignment.laid is None
-    assert alignment.asks_for_two
+    assert alignment.alone_m == LAID_ALONE_M
     assert math.sqrt(told.covariance[2, 2]) > 0.1
 
 
