@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
-from slam.angles import wrapped
 from slam.compiled import kernel, leaf
-from slam.joint.measurement import JointArrays, project, slopes
+from slam.joint.kernels import innovate
+from slam.joint.measurement import JointArrays
 from slam.observations import FeatureRows
 
 METRES_PER_RAD = 1.0
@@ -19,30 +19,14 @@ def influences(joint: JointArrays, places: IntArray, matched: IntArray, features
 
     places (k,) of the landmarks, matched (k,) numbers of their features. From the innovations of all together (Cook
     and Weisberg 1982): with M the inverse of their covariance, leaving out the pair i takes back
-    G^T M_i (M_ii)^-1 (M gap)_i.
+    (H P)^T M_i (M_ii)^-1 (M gap)_i.
     """
     k = places.size
-    of_pose, gap, inverse = np.empty((2 * k, 3)), np.empty(2 * k), np.empty((2 * k, 2 * k))
-    line = np.empty((2, joint.size))
-    for row in range(k):
-        slope = slopes(joint.mean, joint.mount, joint.mean[places[row]], joint.mean[places[row] + 1])
-        feature = matched[row]
-        gap[2 * row] = features.ranges_m[feature] - slope.range_m
-        gap[2 * row + 1] = wrapped(features.bearings_rad[feature] - slope.bearing_rad)
-        project(joint.covariance, places[row], slope, line)
-        of_pose[2 * row : 2 * row + 2] = line[:, :3]
-        for column in range(k):
-            at = places[column]
-            s = slopes(joint.mean, joint.mount, joint.mean[at], joint.mean[at + 1])
-            for axis in range(2):
-                p = line[axis]
-                x, y = p[0] - p[at], p[1] - p[at + 1]
-                inverse[2 * row + axis, 2 * column] = s.range_x * x + s.range_y * y + s.range_heading * p[2]
-                inverse[2 * row + axis, 2 * column + 1] = s.bearing_x * x + s.bearing_y * y + s.bearing_heading * p[2]
-        inverse[2 * row, 2 * row] += features.rr[feature]
-        inverse[2 * row, 2 * row + 1] += features.rb[feature]
-        inverse[2 * row + 1, 2 * row] += features.rb[feature]
-        inverse[2 * row + 1, 2 * row + 1] += features.bb[feature]
+    projected, gap, inverse = np.empty((2 * k, joint.size)), np.empty(2 * k), np.zeros((2 * k, 2 * k))
+    innovate(joint, joint.mean, places, matched, features, projected, gap, inverse)
+    for row in range(2 * k):
+        for column in range(row):
+            inverse[column, row] = inverse[row, column]
     invert(inverse)
     found = np.empty(k)
     for pair in range(k):
@@ -56,7 +40,7 @@ def influences(joint: JointArrays, places: IntArray, matched: IntArray, features
         u, v = (c * u - b * v) / determinant, (a * v - b * u) / determinant
         moved = np.zeros(3)
         for row in range(2 * k):
-            moved += of_pose[row] * (inverse[row, first] * u + inverse[row, second] * v)
+            moved += projected[row, :3] * (inverse[row, first] * u + inverse[row, second] * v)
         found[pair] = math.hypot(moved[0], moved[1]) + METRES_PER_RAD * abs(moved[2])
     return found
 

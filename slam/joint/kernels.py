@@ -98,24 +98,23 @@ def whiten(projected: FloatArray, innovation: FloatArray, gap: FloatArray) -> No
             line[column] /= innovation[row, row]
 
 
-@kernel
-def update(
+@leaf
+def innovate(
     joint: JointArrays,
     linearised_at: FloatArray,
     places: IntArray,
     matched: IntArray,
     features: FeatureRows,
-    invariant: bool,
+    projected: FloatArray,
+    gap: FloatArray,
+    innovation: FloatArray,
 ) -> None:
-    """All matched features of a scan at once: matched (k,) numbers of the features, places (k,) of their landmarks.
+    """Fill projected (2 k, n) = H P, gap (2 k,) and the lower triangle of their covariance, innovation (2 k, 2 k).
 
-    Jacobians are taken at linearised_at (N,).
+    matched (k,) numbers of the features, places (k,) of their landmarks; Jacobians are taken at linearised_at (N,).
     """
-    mean, covariance, n, mount = joint
+    mean, covariance, _, mount = joint
     k = places.size
-    projected = np.empty((2 * k, n))
-    gap = np.empty(2 * k)
-    innovation = np.zeros((2 * k, 2 * k))
     for index in range(k):
         at = places[index]
         slope = slopes(linearised_at, mount, linearised_at[at], linearised_at[at + 1])
@@ -134,6 +133,25 @@ def update(
         innovation[2 * column, 2 * column] += features.rr[matched[column]]
         innovation[2 * column + 1, 2 * column] += features.rb[matched[column]]
         innovation[2 * column + 1, 2 * column + 1] += features.bb[matched[column]]
+
+
+@kernel
+def update(
+    joint: JointArrays,
+    linearised_at: FloatArray,
+    places: IntArray,
+    matched: IntArray,
+    features: FeatureRows,
+    invariant: bool,
+) -> None:
+    """All matched features of a scan at once: matched (k,) numbers of the features, places (k,) of their landmarks.
+
+    Jacobians are taken at linearised_at (N,).
+    """
+    mean, covariance, n, _ = joint
+    k = places.size
+    projected, gap, innovation = np.empty((2 * k, n)), np.empty(2 * k), np.zeros((2 * k, 2 * k))
+    innovate(joint, linearised_at, places, matched, features, projected, gap, innovation)
     whiten(projected, innovation, gap)
     change = np.zeros(n)
     for row in range(2 * k):
