@@ -27,6 +27,7 @@ from runtime.simulation.sent import SentBytes
 from runtime.simulation.typed_faults import EXAMPLES, Device, obey_lines
 
 INTERFACES = Path("/sys/class/net")
+ANSWERED_S = 2.0  # in which a line that is being answered has been, unless nobody reads
 
 
 def serve_rover(
@@ -119,6 +120,7 @@ def serve_laser(
 
 def _wait(devices: Mapping[str, Device], stop: threading.Event, stream: TextIO, faults: TextIO | None) -> None:
     """Until `stop`, doing what the lines of `faults` say."""
+    answering = threading.Lock()
 
     def say(sentence: str) -> None:
         stream.write(f"{sentence}\n")
@@ -126,6 +128,7 @@ def _wait(devices: Mapping[str, Device], stop: threading.Event, stream: TextIO, 
 
     if faults is not None:
         say(f"type faults, one per line; help lists them: {EXAMPLES}")
-        obey_lines(faults, devices, say)
+        obey_lines(faults, devices, say, answering)
     stream.flush()
     stop.wait()
+    answering.acquire(timeout=ANSWERED_S)  # and kept: Python aborts where a thread still writes when it ends

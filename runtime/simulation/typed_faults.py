@@ -28,8 +28,13 @@ class Device(Protocol):
         """End all faults."""
 
 
-def obey_lines(lines: TextIO, devices: Mapping[str, Device], say: Callable[[str], object]) -> threading.Thread:
-    """Obey lines from a thread of its own until they end; each is answered by one sentence through `say`."""
+def obey_lines(
+    lines: TextIO, devices: Mapping[str, Device], say: Callable[[str], object], answering: threading.Lock
+) -> threading.Thread:
+    """Obey lines from a thread of its own until they end; each is answered by one sentence through `say`.
+
+    answering: held meanwhile; who takes it and keeps it has the last word, as the end of the process needs it.
+    """
 
     def listen() -> None:
         for line in lines:
@@ -38,7 +43,8 @@ def obey_lines(lines: TextIO, devices: Mapping[str, Device], say: Callable[[str]
                     said = obey(line, devices)
                 except UsageError as error:
                     said = str(error)
-                say(printable_lines(said))
+                with answering:
+                    say(printable_lines(said))
 
     thread = threading.Thread(target=listen, name="typed-faults", daemon=True)
     thread.start()

@@ -49,10 +49,11 @@ def await_size(path: Path, size: int, process: subprocess.Popen[str]) -> None:
 
 @pytest.fixture(scope="module")
 def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, object]]:
-    """One short run of the simulated rover, with everything on."""
+    """One short run of the simulated rover, with everything on; a busy machine may not finish the picture in time."""
     out = tmp_path_factory.mktemp("runs") / "run"
     result = infant("run", "--config", MOCK, "--out", out, "--duration", f"{DURATION_S}", "--seed", "4", "--json")
     assert result.returncode == 0, result.stderr
+    assert (out / "review.rrd").exists() != ("review.rrd was not finished in time" in result.stderr)
     return out, json.loads(result.stdout)
 
 
@@ -65,7 +66,7 @@ def test_a_run_prints_one_json_object_with_the_promised_keys(driven: tuple[Path,
     # the start is part of the duration, and so are two seconds in which all is closed
     assert 0 < summary["ticks"] + summary["missed"] <= 10 * (DURATION_S - 2)  # type: ignore[operator]
     assert json.loads((out / "summary.json").read_text()) == summary
-    assert {path.name for path in out.iterdir()} >= {"run.mcap", "review.rrd", "config.toml", "summary.json"}
+    assert {path.name for path in out.iterdir()} >= {"run.mcap", "config.toml", "summary.json"}
 
 
 def test_the_rover_is_tracked_and_the_seed_reaches_filter_and_world(driven: tuple[Path, dict[str, object]]) -> None:

@@ -3,6 +3,7 @@
 import io
 import subprocess
 import sys
+import threading
 from typing import get_args
 
 import pytest
@@ -13,6 +14,7 @@ from drivers.settings.simulated_wheels import WheelFault
 from runtime.errors import UsageError
 from runtime.simulation.typed_faults import obey, obey_lines
 from runtime.source_tree import ROOT
+from tests.support.drivers.waiting import wait_until
 
 
 class Recorded:
@@ -44,9 +46,21 @@ def test_a_line_becomes_a_fault_of_the_device_and_clear_ends_it() -> None:
 def test_what_was_typed_is_repeated_in_few_printable_characters() -> None:
     said: list[str] = []
     lines = io.StringIO("\x1b[2J\n" + "x" * 1_000_000 + "\nlaser a\x07=b\nhelp\n")
-    obey_lines(lines, {"laser": Recorded()}, said.append).join(60.0)
+    obey_lines(lines, {"laser": Recorded()}, said.append, threading.Lock()).join(60.0)
     assert len(said) == 4
     assert all(line.isprintable() and len(line) < 5000 for sentence in said for line in sentence.split("\n"))
+
+
+def test_nothing_is_answered_once_somebody_else_has_the_last_word() -> None:
+    """A thread that wrote while the interpreter ended made `infant sim` end by SIGABRT."""
+    laser, said, answering = Recorded(), list[str](), threading.Lock()
+    answering.acquire()
+    listening = obey_lines(io.StringIO("laser silence\n"), {"laser": laser}, said.append, answering)
+    assert wait_until(lambda: laser.faults)
+    assert said == []
+    answering.release()
+    listening.join(60.0)
+    assert said == ["laser: silence"]
 
 
 @pytest.mark.parametrize(
