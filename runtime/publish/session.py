@@ -14,6 +14,7 @@ from runtime.publish.access import bound, command_trouble
 from runtime.settings.publish import PublishSettings
 
 LEASE_MS = 3000  # ms of silence after which a peer is taken for gone; zenoh's 10 s is long on Wi-Fi
+URGENT_WAITING = 16  # messages; zenoh's 2 lose one where a busy machine lets pose, odom and tf of a tick wait for 1 ms
 PORTS_TO_TRY = 20
 LARGEST_ANSWER = 16 << 20  # bytes that a tool takes from a rover: a map of 50 000 landmarks
 LARGEST_FILE = 1 << 20
@@ -40,6 +41,7 @@ def rover_config(settings: PublishSettings, rover: str, listen: Sequence[str]) -
     config.insert_json5("connect/endpoints", json.dumps(list(settings.connect)))
     config.insert_json5("connect/retry", RETRY)
     config.insert_json5("transport/link/tx/lease", json.dumps(LEASE_MS))
+    config.insert_json5("transport/link/tx/queue/size/real_time", json.dumps(URGENT_WAITING))
     if settings.ros2:
         # ROS 2 nodes are peers that learn of each other from their router; it passes no message from peer to peer
         config.insert_json5("scouting/gossip/enabled", "true")

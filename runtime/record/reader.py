@@ -107,7 +107,7 @@ class RunReader:
         self._alike = "", ""  # the segment from which on all are damaged alike, and how
         self.cut_off = False  # the last file ends where a recorder was killed: that is the last of the damages
         self._ticks = self._size_before = 0
-        self._last_stamp_ns: int | None = None
+        self._span_ns: tuple[int, int] | None = None  # stamps of the first and the last tick
         for name in self.folder.foreign_segments():
             self._refuse(self.folder.path / name, f"a run has at most {MOST_SEGMENTS} segments; move the file away")
         manifest = Manifest.load(self.folder.manifest_path)
@@ -142,7 +142,8 @@ class RunReader:
         """One sentence when the run is not whole, "" when it is; known after reading to the end."""
         if not self._losses:
             return ""
-        until = "none" if self._last_stamp_ns is None else f"the last one at {self._last_stamp_ns * 1e-9:.3f} s"
+        begin_ns, end_ns = self._span_ns or (0, 0)
+        until = f"the last one {(end_ns - begin_ns) * 1e-9:.1f} s after the first" if self._span_ns else "none"
         what = self._paths[0] if len(self._paths) == 1 else self.folder.path
         more = len(self._losses) - LOSSES_SHOWN
         why = "; ".join(self._losses[:LOSSES_SHOWN]) + (f"; and {more} more, see infant log verify" if more > 0 else "")
@@ -156,7 +157,7 @@ class RunReader:
         topics = None if self._tolerant else topics
         told = Manifest.load(self.folder.manifest_path).told()
         self._losses, self.known_losses, self._size_before, self._alike, self.cut_off = [], [], 0, ("", ""), False
-        self._ticks, self._last_stamp_ns = 0, None
+        self._ticks, self._span_ns = 0, None
         stamp_ns, expected, missing_ticks = 0, 1, 0  # missing_ticks: for which no gap has been given yet
         for index, path in enumerate(self._paths):
             ticks = 0
@@ -172,7 +173,8 @@ class RunReader:
             for record in self._believable(file, topics) if not file.damage else ():
                 stamp_ns = record.stamp_ns
                 if record.topic == "/tick":
-                    ticks, self._ticks, self._last_stamp_ns = ticks + 1, self._ticks + 1, stamp_ns
+                    ticks, self._ticks = ticks + 1, self._ticks + 1
+                    self._span_ns = stamp_ns if self._span_ns is None else self._span_ns[0], stamp_ns
                 yield record
             if file.damage:
                 self.cut_off = file.cut_off and path == self._paths[-1] and path.name not in told.segments

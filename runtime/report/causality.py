@@ -13,6 +13,7 @@ UPSTREAM = ("defect", *SENSORS)
 FOLLOWERS = {  # kind that follows: kinds that may be its cause, and whether they must fall into the same seconds
     "laser_silent": (("scan_stamps_jump", "laser_checksum", "laser_frozen", "laser_late"), True),
     "laser_scans_lost": (("laser_checksum", "laser_frozen", "scan_stamps_jump", "missed_beats"), True),
+    "laser_scans_superseded": (("missed_beats",), True),
     "wheel_node_restarted": (("wheel_silent", "odometry_silent", "wheel_stuck"), True),
     "wheel_jump": (("wheel_silent", "odometry_silent", "wheel_stuck"), True),
     "wheel_frames_damaged": (("wheel_silent", "odometry_silent", "wheel_stuck"), True),

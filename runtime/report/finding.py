@@ -69,9 +69,12 @@ def driver_reports(events: Sequence[Event], most: int = 3) -> tuple[str, ...]:
 def intervals_where(
     times_s: NDArray[np.float64], holds: NDArray[np.bool_], joined_s: float, least_s: float = 0.0
 ) -> tuple[Interval, ...]:
-    """Stretches of time where something holds; those nearer than joined_s are one, those below least_s are left out."""
+    """Stretches of time where something holds; those nearer than joined_s are one, those below least_s are left out.
+
+    What lies before the first tick, as the stamp of its scan does, counts as its time.
+    """
     stretches: list[Interval] = []
-    for time_s in times_s[holds].tolist():
+    for time_s in times_s[holds].clip(min=0.0).tolist():
         if stretches and time_s - stretches[-1][1] <= joined_s:
             stretches[-1] = (stretches[-1][0], time_s)
         else:

@@ -42,4 +42,4 @@ class NamedColumns:
 
     def arrays(self, factor: float = 1.0) -> dict[str, FloatArray]:
         """(rows,) each, times the factor."""
-        return {name: np.array(column) * factor for name, column in self._columns.items()}
+        return {name: np.asarray(column) * factor for name, column in self._columns.items()}

@@ -24,7 +24,8 @@ LASER_PATHS = {
     BeamVerdict.MOVED: "map/laser/rejected",
     BeamVerdict.NOT_COMPARED: "map/laser/not_compared",
 }
-HEIGHTS_M = {"map/path": 0.05, "map/landmarks": 0.1, "map/association": 0.15, "map/particles": 0.2}
+HEIGHTS_M = {"map/path/odometry": 0.02, "map/path/truth": 0.05, "map/path/SLAM": 0.08}
+HEIGHTS_M |= {"map/landmarks": 0.1, "map/association": 0.15, "map/particles": 0.2}
 """What lies over what when seen from above; all else lies at 0."""
 
 

@@ -137,6 +137,6 @@ def caption(state: DrawingState, facts: Mapping[str, str]) -> str:
     if state.driven_m:
         parts.append(f"{state.driven_m:.0f} m driven")
     if state.errors:
-        parts.append(f"error {(state.squared_error_m2 / state.errors) ** 0.5:.2f} m RMS")
+        parts.append(f"error {(state.squared_error_m2 / state.errors) ** 0.5:.3f} m RMS")
     parts.append(f"a square is {grid_spacing_m(state.extent.eye_height_m):g} m")
     return " | ".join(parts)

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 
 from drivers.measurements import FloatArray
 from runtime.review.curves import curve_views
-from runtime.review.ticks import ELAPSED
+from runtime.review.ticks import ELAPSED, TICK
 from slam.observations import MatchVerdict
 from slam.pose import Pose2
 
@@ -270,10 +270,9 @@ def _grid(height_m: float) -> Any:
 
 def _whole_paths() -> Any:
     """Paths are logged in pieces of a second; all pieces up to the cursor are the path."""
+    start, end = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative()
     until_now = rrb.VisibleTimeRanges(
-        timeline=ELAPSED,
-        start=rrb.TimeRangeBoundary.infinite(),
-        end=rrb.TimeRangeBoundary.cursor_relative(),
+        [rrb.VisibleTimeRange(timeline=timeline, start=start, end=end) for timeline in (ELAPSED, TICK)]
     )
     pieces = ("map/path/SLAM", "map/path/odometry", "map/path/truth", "map/laser/trace", "map/truth_places")
     return dict.fromkeys(pieces, until_now)

@@ -1,13 +1,16 @@
 """Makes the picture of a run again from its record."""
 
-import multiprocessing
+import json
 import os
+import pickle
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import IO
 
 from runtime.atomic_write import replacement
 from runtime.errors import InfantError, StorageError
@@ -73,48 +76,52 @@ def drawn_meanwhile(run: Path, out_rrd: Path) -> Iterator[Callable[[str], None]]
 
     Where none is given, or something is raised inside, no picture is left. Raises what build_review does.
     """
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_draw, args=(run, out_rrd, theirs), name="infant-draw", daemon=True)
-    process.start()
-    theirs.close()
+    command = [sys.executable, "-m", "runtime.review.rebuild", str(run), str(out_rrd)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
 
-    def finish(verdict: str) -> None:
-        with suppress(OSError):  # it has ended; what it says is read all the same
-            ours.send(verdict)
+        def finish(verdict: str) -> None:
+            told, _ = process.communicate(json.dumps(verdict).encode())  # says nothing where the process has ended
+            if not told:
+                code = process.returncode
+                raise InfantError(f"the process that draws {out_rrd} ended with code {code}; draw it again")
+            if (error := pickle.loads(told)) is not None:  # noqa: S301 of our own process
+                raise error
+
         try:
-            error = ours.recv()
-        except (EOFError, OSError):
-            error = InfantError(f"the process that draws {out_rrd} ended with code {process.exitcode}; draw it again")
-        if error is not None:
-            raise error
-
-    try:
-        yield finish
-    finally:
-        ours.close()
-        process.terminate()  # has an effect only where it has not been let finish
-        process.join()
+            yield finish
+        finally:
+            assert process.stdin is not None
+            with suppress(OSError):
+                process.stdin.close()  # who waits for a verdict ends by that, who draws by the signal
+            process.terminate()
+            process.wait()
 
 
-def _draw(run: Path, out_rrd: Path, asked: "Connection[InfantError | None, str]") -> None:
-    """The process: draws, waits for the verdict, and says what went wrong, None where nothing did."""
-    leave_out("pandas")
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is its parent's, which then terminates it
+def _draw(run: Path, out_rrd: Path, asked: IO[bytes]) -> InfantError | None:
+    """The process: draws, waits for the verdict, and gives what went wrong. Raises EOFError where nobody waits."""
     has_to_end = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: has_to_end.set())  # raised anywhere it might be lost in a library
-    outcome: InfantError | None = None
 
     def go_on(_share: float) -> None:
         if has_to_end.is_set():
             raise EOFError
 
+    def verdict() -> str:
+        if not (line := asked.read()):
+            raise EOFError
+        return str(json.loads(line))
+
     try:
-        build_review(run, out_rrd, progress=go_on, verdict=asked.recv)
-    except EOFError:
-        return  # nobody waits any more
+        build_review(run, out_rrd, progress=go_on, verdict=verdict)
     except InfantError as error:
-        outcome = error
+        return error
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)  # nothing is left to clean up; rerun's end would trace back
-    asked.send(outcome)
+    return None
+
+
+if __name__ == "__main__":
+    leave_out("pandas")
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is its parent's, which then terminates it
+    with suppress(EOFError):
+        sys.stdout.buffer.write(pickle.dumps(_draw(Path(sys.argv[1]), Path(sys.argv[2]), sys.stdin.buffer)))

@@ -170,23 +170,31 @@ def _rate(facts: RunFacts) -> list[Finding]:
     intervals = intervals_where(starts, short & (missing > 0), 2.0, 1.0)
     arrived = _arrived_share(facts, period_s) > 1.0 - LOST_SHARE
     even = _is_even(starts, steps, short & (missing > 0), period_s)
-    name = "laser_rate_low" if even else "laser_scans_lost"
     rate_hz = float(1.0 / np.mean(steps[short]))
-    cause = "the motor turns too slowly, or the laser skips sweeps" if name == "laser_rate_low" else "sweeps are lost"
+    when = f"during {spans_text(intervals)}" if intervals else "now and then"
+    if arrived:
+        return [
+            Finding(
+                "laser_scans_superseded",
+                Severity.INFO,
+                f"The loop used {rate_hz:.1f} of the laser's {1.0 / period_s:.1f} scans per second: the others came "
+                "late, two to a beat",
+                (
+                    f"passed over {when}",
+                    "every sweep arrived; when two came within one beat, the loop used the newer one",
+                ),
+                "the host or the network was busy and held scans up",
+                "let nothing else use the rover's processor, and connect the laser by its own cable",
+                intervals,
+            )
+        ]
+    cause = "the motor turns too slowly, or the laser skips sweeps" if even else "sweeps are lost"
     return [
         Finding(
-            name,
-            Severity.INFO if arrived else Severity.WARN,
+            "laser_rate_low" if even else "laser_scans_lost",
+            Severity.WARN,
             f"The laser sent {rate_hz:.1f} Hz instead of {1.0 / period_s:.1f} Hz: {share:.0%} of the sweeps are lost",
-            (
-                f"missing during {spans_text(intervals)}" if intervals else "missing now and then",
-                f"lost at {'even' if even else 'uneven'} intervals",
-                *(
-                    ("every sweep arrived; when two came within one beat, the loop used the newer one",)
-                    if arrived
-                    else ()
-                ),
-            ),
+            (f"missing {when}", f"lost at {'even' if even else 'uneven'} intervals"),
             f"{cause}: the network or the host is too busy, there is interference, or the laser is configured that way",
             "connect the laser by its own cable, and let no other program request scans; see laser.url",
             intervals,

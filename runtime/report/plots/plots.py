@@ -22,6 +22,7 @@ from runtime.report.finding import Interval
 
 MOST_POINTS = 1500  # of a curve; every bin keeps its least and its greatest
 MOST_PLACES = 4000  # of a path
+REACH_M = 10.0  # around the path in which landmarks are shown from the start; a path of a few metres has none beside it
 BREAK_S, BREAK_STEPS = 0.5, 5.0  # a longer pause than both of these parts a curve
 ROW_PX, HEIGHT_PX, MAP_PX = 34, 230, 560
 LEFT_PX = 14  # of a plot without an axis there, for half of the first label beneath
@@ -117,7 +118,7 @@ class Plots:
         return plot
 
     def over_ground(self, lines: Sequence[Line], times_s: FloatArray | None, scans: ScanPicture | None = None) -> Any:
-        """Places in metres, x to the right and y up, to one scale, the curves filling the plot.
+        """Places in metres, x to the right and y up, to one scale; curves and what is in their reach fill the plot.
 
         times_s: of the first curve's points; then the place of the rover follows the pointer over the other plots.
         """
@@ -165,8 +166,10 @@ class Plots:
         curves = [
             glyph for glyph in plot.renderers if getattr(glyph, "name", None) in {x.name for x in drawn if not x.dots}
         ]
+        corners_m = in_reach(drawn)
+        frame = plot.scatter(corners_m[:, 0], corners_m[:, 1], name="in reach", alpha=0.0)
         for shown in ranges:
-            shown.renderers = [*curves] or "auto"
+            shown.renderers = [*curves, frame] if curves else "auto"
         picked = ColumnDataSource({"x": [], "y": []}, name="picked path")
         plot.line("x", "y", source=picked, color=MARK, line_width=5, alpha=0.8)
         here = ColumnDataSource({"x": [], "y": []}, name="here")
@@ -231,6 +234,16 @@ def legend_of_stack(names: Sequence[str]) -> Markup:
 def stage_colours(count: int) -> list[str]:
     """One for each part of a stack."""
     return [STAGES[index % len(STAGES)] for index in range(count)]
+
+
+def in_reach(lines: Sequence[Line]) -> FloatArray:
+    """Corners (2, 2) of the box around the first line and all dots that lie no farther than REACH_M beside it."""
+    path_m = np.column_stack((lines[0].x, lines[0].y))
+    low_m, high_m = np.nanmin(path_m, axis=0), np.nanmax(path_m, axis=0)
+    dots_m = [np.column_stack((line.x, line.y)) for line in lines if line.dots]
+    near_m = [m[((m >= low_m - REACH_M) & (m <= high_m + REACH_M)).all(axis=1)] for m in dots_m]
+    places_m = np.concatenate(([low_m, high_m], *near_m))
+    return np.array((places_m.min(axis=0), places_m.max(axis=0)))
 
 
 def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -3,9 +3,12 @@
 import json
 import os
 import signal
+import statistics
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +17,9 @@ from typing import Any
 import pytest
 
 from runtime.errors import SensorError
+from runtime.messages.tick import decode
 from runtime.publish.find_rover import find_rover
+from runtime.publish.follow import following
 from runtime.source_tree import ROOT
 from tests.support.ros2.environments import environment_of, python312
 from tests.support.zenoh.wire import free_port, until
@@ -24,6 +29,8 @@ NODE = ROOT / "tests" / "support" / "ros2" / "listening_node.py"
 FILE = ROOT / "runtime" / "bridge" / "rclpy_node.py"
 TOPICS = {"scan", "pose", "odom", "map", "landmarks", "particles", "path", "/diagnostics"}
 LISTEN_S = "12"
+MEASURED_S = "64"
+MEASURED_POSES = 600
 DOMAIN = "177"
 CLICK = "3,-2,0,0.5,0.25"
 
@@ -71,10 +78,10 @@ def started(*words: str, **environment: str) -> Iterator[Path]:
             process.wait(60)
 
 
-def heard(ros_python: Path) -> dict[str, Any]:
+def heard(ros_python: Path, seconds: str = LISTEN_S) -> dict[str, Any]:
     """What a node that comes late has received."""
     environment = os.environ | {"ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    node = [str(ros_python), str(NODE), "/mock", LISTEN_S]
+    node = [str(ros_python), str(NODE), "/mock", seconds]
     done = subprocess.run(node, env=environment, capture_output=True, text=True, check=True)
     found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     return found
@@ -92,6 +99,46 @@ def test_a_real_node_that_comes_late_receives_every_topic_from_dds(rover: str, r
     assert told["found"]["odom"]["child"] == "mock/base_link"
     assert told["found"]["odom"]["covariance"] >= 0.0
     assert told["topics"]["/tf"] == told["topics"]["/tf_static"] == ["tf2_msgs/msg/TFMessage"]
+
+
+@contextmanager
+def ages_over_zenoh(endpoint: str) -> Iterator[dict[int, float]]:
+    """Stamp in ns and age in ms of each pose, as a subscriber of the rover itself has them; grows meanwhile."""
+    ages_ms: dict[int, float] = {}
+    stop = threading.Event()
+
+    def listen() -> None:
+        with following(find_rover(endpoint, None), ("pose",), None) as follower:
+            while not stop.is_set():
+                message = follower.next(0.1)
+                if message is not None:
+                    stamp = decode("/pose", message.data).header.stamp
+                    stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+                    ages_ms[stamp_ns] = (time.time_ns() - stamp_ns) * 1e-6
+
+    thread = threading.Thread(target=listen)
+    thread.start()
+    try:
+        yield ages_ms
+    finally:
+        stop.set()
+        thread.join()
+
+
+def test_a_real_node_loses_no_pose_and_has_it_hardly_later_than_over_zenoh(rover: str, ros_python: Path) -> None:
+    words = ("bridge", "ros2", "--connect", rover, "--domain", DOMAIN)
+    with started(sys.executable, "-m", "runtime.cli", *words), ages_over_zenoh(rover) as direct_ms:
+        assert until(lambda: "pose" in heard(ros_python)["found"]), "no pose within two minutes"
+        node_ms = dict(heard(ros_python, MEASURED_S)["poses"])
+    sent = [stamp_ns for stamp_ns in direct_ms if min(node_ms) <= stamp_ns <= max(node_ms)]
+    lost = [stamp_ns for stamp_ns in sent if stamp_ns not in node_ms]
+    later_ms = [node_ms[stamp_ns] - direct_ms[stamp_ns] for stamp_ns in sent if stamp_ns in node_ms]
+    print(  # noqa: T201
+        f"\n{ros_python.parts[-3]}: {len(lost)} of {len(sent)} poses lost; at the node's callback they are "
+        f"{statistics.median(later_ms):+.2f} ms later than at a zenoh subscriber's (median; must be below +3 ms)"
+    )
+    assert len(sent) >= MEASURED_POSES
+    assert not lost, f"lost are numbers {[sent.index(stamp_ns) for stamp_ns in lost]} of {len(sent)}"
 
 
 def test_a_real_node_receives_the_same_from_the_file_for_machines_with_ros(rover: str, ros_python: Path) -> None:

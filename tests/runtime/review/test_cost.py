@@ -12,9 +12,14 @@ from runtime.calibrate import calibration
 from runtime.calibrate.scans import laser_motion
 from runtime.calibrate.scans.shapes import shapes
 from runtime.map_files.confirmed import CONFIRMED_LOG_ODDS
+from runtime.messages import tick as messages
+from runtime.messages.definitions import TYPES, deserialize
 from runtime.messages.tick import Record
+from runtime.record.reader import RunReader
 from runtime.report.findings.pose import UNCERTAIN_GAP_M
+from runtime.report.gather import gather
 from runtime.report.plots.plots import Plots, embedded
+from runtime.review.rebuild import build_review
 from runtime.review.writer import AFTERWARDS_TICKS, ReviewWriter
 from runtime.settings.review import ReviewSettings
 from slam import quality
@@ -22,6 +27,7 @@ from slam.joint import gaussian
 from tests.runtime.review.test_rebuild import Drawn
 from tests.support.runtime.drawn_drive import MOUNT, drive
 from tests.support.runtime.made_drives import START, Rover, park_drive
+from tests.support.runtime.seeded_runs import seeded_facts
 
 DRAWS = """
 import sys, warnings
@@ -49,6 +55,31 @@ def test_who_draws_loads_no_pandas_and_draws_the_same_layout() -> None:
 def test_who_judges_a_run_loads_neither_the_compiler_nor_the_filter() -> None:
     loaded = said_by("import sys, runtime.report.build; print(*sys.modules)").split()
     assert not {"numba", "rerun", "pandas", "slam.estimator", "slam.joint.gaussian"} & set(loaded)
+
+
+def test_who_draws_begins_at_once_with_what_it_needs_and_no_command_line() -> None:
+    loaded = said_by("import sys, runtime.review.rebuild; print(*sys.modules)").split()
+    assert not {"typer", "scipy", "bokeh", "multiprocessing.resource_tracker"} & set(loaded)
+
+
+@pytest.mark.parametrize("reads", ["judge", "draw"])
+def test_a_message_is_decoded_once_at_most(reads: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seeded_facts(tmp_path / "run", 1, duration_s=5.0)
+    held = Counter(record.topic for record in RunReader(tmp_path / "run").records())
+    decoded: Counter[str] = Counter()
+    topics = {name: topic for topic, name in TYPES.items()}
+
+    def counting(type_name: str, data: bytes) -> Any:
+        decoded[topics[type_name]] += 1
+        return deserialize(type_name, data)
+
+    monkeypatch.setattr(messages, "deserialize", counting)
+    if reads == "judge":
+        gather(tmp_path / "run")
+    else:
+        build_review(tmp_path / "run", tmp_path / "review.rrd")
+    assert decoded["/estimate"] == held["/estimate"] > 40
+    assert decoded == {topic: held[topic] for topic in decoded}
 
 
 def test_the_numbers_that_are_told_without_the_filter_are_the_filters() -> None:

@@ -18,7 +18,7 @@ from runtime.errors import StorageError
 from runtime.messages.tick import Gap, Record, encode_gap, encode_tick
 from runtime.review.columns import ellipse_axes, mixed
 from runtime.review.layout import Extent
-from runtime.review.ticks import BeamPoints, Motion, TickAssembler
+from runtime.review.ticks import ELAPSED, TICK, BeamPoints, Motion, TickAssembler
 from runtime.review.writer import ReviewWriter
 from runtime.settings.review import ReviewSettings
 from slam.estimate import Estimate
@@ -115,6 +115,24 @@ def test_a_path_comes_in_pieces_that_join(drawn: Drawn) -> None:
         for before, after in pairwise(pieces):
             np.testing.assert_array_equal(before[-1], after[0])
         assert sum(len(piece) - 1 for piece in pieces) == TICKS - 1
+
+
+def test_of_paths_that_lie_over_one_another_the_published_one_is_seen(drawn: Drawn) -> None:
+    heights_m = [drawn.values[(f"/map/path/{name}", "strips")][0][0][0][2] for name in ("odometry", "truth", "SLAM")]
+    assert heights_m == sorted(set(heights_m))
+
+
+def test_paths_are_drawn_up_to_the_cursor_on_either_timeline(records: list[Record], tmp_path: Path) -> None:
+    from rerun.chunk import RrdReader
+
+    draw(tmp_path / "review.rrd", records[:40])
+    reader, shown = RrdReader(tmp_path / "review.rrd"), []
+    for chunk in reader.stream(store=reader.blueprints()[-1]):
+        batch = pa.record_batch(chunk.to_record_batch())
+        if "VisibleTimeRanges:ranges" in batch.schema.names and "map/path/SLAM" in str(chunk.entity_path):
+            shown += batch.column("VisibleTimeRanges:ranges").to_pylist()
+    assert shown
+    assert all({each["timeline"] for each in ranges} == {ELAPSED, TICK} for ranges in shown)
 
 
 def test_curves_and_events_are_there(drawn: Drawn) -> None:

@@ -100,7 +100,7 @@ def test_the_picture_says_where_the_run_began_and_ended_and_how_it_went(tmp_path
     assert [len(part.elapsed_s["/map/end"]) for part in parts] == [0, 0, 1]
     state = DrawingState(driven_m=12.3, squared_error_m2=0.09, errors=1)
     said = caption(state, {"run": "yard", "created": "2026-01-01T00:00:00Z", "verdict": "healthy", "source": "live"})
-    assert said == "yard | 2026-01-01T00:00:00Z | healthy | 12 m driven | error 0.30 m RMS | a square is 1 m"
+    assert said == "yard | 2026-01-01T00:00:00Z | healthy | 12 m driven | error 0.300 m RMS | a square is 1 m"
     assert DrawingState.from_bytes(state.to_bytes()).driven_m == 12.3
     assert "error" not in caption(DrawingState(), {})
 

@@ -32,6 +32,11 @@ def stamp_of(message: object) -> float:
     return float(stamp.sec + stamp.nanosec * 1e-9)
 
 
+def stamp_ns_of(message: object) -> int:
+    stamp = message.header.stamp  # type: ignore[attr-defined]
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
 def click(message: Any) -> Any:
     """As RViz sends it: 3 m, -2 m, straight ahead, known to 0.5 m and 0.25 rad."""
     message.header.frame_id = "map"
@@ -49,6 +54,7 @@ def main() -> None:
     found: dict[str, dict[str, object]] = {}
     ages_ms: list[float] = []
     stamps: list[float] = []
+    stamps_ns: list[int] = []
 
     def hear(topic: str, message: object) -> None:
         entry = found.setdefault(topic, {"count": 0, "first_s": time.monotonic() - began_s})
@@ -57,6 +63,7 @@ def main() -> None:
             entry["frame"] = message.header.frame_id
         if topic == "pose":
             ages_ms.append((time.time() - stamp_of(message)) * 1e3)
+            stamps_ns.append(stamp_ns_of(message))
             stamps.append(stamp_of(message))
         if topic == "odom":
             entry["child"] = message.child_frame_id  # type: ignore[attr-defined]
@@ -96,6 +103,7 @@ def main() -> None:
                 "absent": absent,
                 "topics": known,
                 "age_ms": sorted(ages_ms)[len(ages_ms) // 2] if ages_ms else None,
+                "poses": list(zip(stamps_ns, ages_ms, strict=True)),
                 "gaps_s": [min(gaps), max(gaps)] if gaps else None,
             }
         )

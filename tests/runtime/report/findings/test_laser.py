@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.measurements import Event, Severity
-from runtime.report.facts import RunFacts, ScanColumns
+from runtime.report.facts import DeviceClock, RunFacts, ScanColumns
 from runtime.report.findings.laser import laser_findings
 from tests.support.runtime.seeded_runs import seeded_facts
 
@@ -39,3 +39,18 @@ def test_a_laser_that_was_never_reached_did_not_reconnect(tmp_path: Path) -> Non
     assert (finding.title, finding.severity) == ("The laser sent no usable scan in the whole run", Severity.ERROR)
     assert finding.cause == "there never was a connection: nothing listens at 10.0.0.9:10940"
     assert finding.remedy == "check the port in laser.url and that the laser has started"
+
+
+def test_scans_that_all_arrived_are_not_called_lost(tmp_path: Path) -> None:
+    facts = seeded_facts(tmp_path, 1, duration_s=30.0)
+    kept = np.arange(facts.scans.times_s.size) % 5 != 3
+    scans = ScanColumns(*(getattr(facts.scans, each.name)[kept] for each in fields(ScanColumns)))
+    scans.times_s[0] -= 0.05
+    arrivals_s = facts.scans.times_s + 0.03
+    used = replace(facts, scans=scans, device_clock=DeviceClock(arrivals_s, arrivals_s))
+    (finding,) = [finding for finding in laser_findings(used) if "per second" in finding.title]
+    assert (finding.kind, finding.severity) == ("laser_scans_superseded", Severity.INFO)
+    assert "8.0 of the laser's 10.0 scans" in finding.title
+    assert "lost" not in finding.title + finding.cause
+    assert finding.intervals[0][0] >= 0.0  # the first scan was taken before the first tick
+    assert "during -" not in finding.evidence[0]

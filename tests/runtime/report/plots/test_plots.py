@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from runtime.report.plots.plots import MOST_POINTS, Line, Plots, broken, embedded, legend, thinned
+from runtime.report.plots.plots import MOST_POINTS, Line, Plots, broken, embedded, in_reach, legend, thinned
 
 TIMES_S: NDArray[np.float64] = np.linspace(0.0, 499.9, 5000)
 
@@ -46,11 +46,18 @@ def test_a_map_has_one_scale_and_begins_where_the_curves_are() -> None:
     marks = Line("landmarks", np.array((1.0, 5.0, 900.0)), np.array((2.0, -2.0, 0.0)), "q", dots=True)
     drawn = Plots(10.0).over_ground([way, marks], np.array((0.0, 10.0)))
     assert drawn.match_aspect
-    (shown,) = drawn.x_range.renderers
-    assert shown.name == "way"  # a landmark 900 m away does not make the way a dot
+    shown, reach = drawn.x_range.renderers
+    assert shown.name == "way"
+    assert reach.data_source.data["x"].tolist() == [0.0, 10.0]  # a landmark 900 m away does not make the way a dot
     sources: list[Any] = [(r.name, r.data_source) for r in drawn.renderers if isinstance(r, GlyphRenderer) and r.name]
     sizes = {name: len(source.data["x"]) for name, source in sources}
-    assert sizes == {"way": 2, "landmarks": 3}  # and is there all the same
+    assert sizes == {"way": 2, "landmarks": 3, "in reach": 2}  # and is there all the same
+
+
+def test_the_map_of_a_short_drive_shows_the_landmarks_around_it() -> None:
+    way = Line("way", np.array((0.0, 2.0)), np.array((0.0, 1.0)), "a")
+    marks = Line("landmarks", np.array((-6.0, 9.0, 40.0)), np.array((3.0, -8.0, 0.0)), "q", dots=True)
+    np.testing.assert_array_equal(in_reach([way, marks]), ((-6.0, -8.0), (9.0, 3.0)))
 
 
 def test_what_the_pointer_shows_has_its_name_and_no_word_of_the_library() -> None:
