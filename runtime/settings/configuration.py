@@ -29,7 +29,7 @@ from runtime.settings.publish import PublishSettings
 from runtime.settings.record import RecordSettings
 from runtime.settings.retired import refusals, translated
 from runtime.settings.review import ReviewSettings
-from runtime.settings.trees import unusable
+from runtime.settings.trees import IN_FILE, ON_LINE, unusable
 from runtime.source_tree import CONFIG, shipped_configuration, shipped_names
 from slam.settings.front_end import GIVEN_NOISE
 from slam.settings.odometry import WIDE_NOISE
@@ -158,7 +158,7 @@ def load_configuration_text(
     except ValidationError as error:
         problems = [_sentence(problem, overrides or {}) for problem in error.errors()]
         raise _refused(source, problems) from error
-    if (not recorded or overrides) and (problems := _of_another_sensor(configuration)):
+    if (not recorded or overrides) and (problems := _of_another_sensor(configuration, overrides or {})):
         raise _refused(source, problems)
     return configuration
 
@@ -168,14 +168,14 @@ def _as_date(value: object) -> dict[str, str]:
     return {"date": str(value)}
 
 
-def _of_another_sensor(configuration: Configuration) -> list[str]:
+def _of_another_sensor(configuration: Configuration, overrides: Mapping[str, str]) -> list[str]:
     """Settings for a sensor that names its landmarks, which a laser does not: each step would fail or match nothing."""
     slam = configuration.slam
     if configuration.laser is None:
         return []
     return [
         f"{key} = {value!r}: expected {expected} with the table [laser], because a laser does not name its landmarks; "
-        "change it in the configuration"
+        f"change it {_place(key, overrides)}"
         for key, value, wrong, expected in (
             ("slam.front_end.kind", slam.front_end.kind, "given", "'robust' or 'paper'"),
             ("slam.association.strategy", slam.association.strategy, "known", "'sequential' or 'simultaneous'"),
@@ -214,7 +214,7 @@ def _parsed(text: str, source: str) -> Tree:
         raise _refused(source, [f"not valid TOML: tables in tables more than {DEEPEST} times"]) from None
     except ValueError as error:  # of numbers and dates too, which the library does not take for its own
         raise _refused(source, [f"not valid TOML: {error}"]) from error
-    if problem := unusable(tree, DEEPEST):
+    if problem := unusable(tree, DEEPEST, IN_FILE):
         raise _refused(source, [problem])
     return tree
 
@@ -238,7 +238,7 @@ def _set(tree: Tree, key: str, text: str) -> None:
         value = tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         value = text
-    if problem := unusable({key: value}, DEEPEST):
+    if problem := unusable({key: value}, DEEPEST, ON_LINE):
         raise ConfigurationError(printable(problem))
     *tables, last = key.split(".")
     for table in tables:
@@ -248,14 +248,19 @@ def _set(tree: Tree, key: str, text: str) -> None:
     tree[last] = value
 
 
+def _place(key: str, overrides: Mapping[str, str]) -> str:
+    """Where a key was given, or a part of a table."""
+    typed = (f"{name}." for name in overrides)
+    return ON_LINE if any(f"{key}.".startswith(name) or name.startswith(f"{key}.") for name in typed) else IN_FILE
+
+
 def _sentence(problem: Any, overrides: Mapping[str, str]) -> str:
     """Key, value, what was expected and, for a misspelt key, what was probably meant; a value is changed where it is
     given.
     """
     location = tuple(part for part in problem["loc"] if isinstance(part, str | int))
     key = ".".join(str(part) for part in location)
-    typed = any(f"{key}.".startswith(f"{name}.") for name in overrides)
-    change = f"change it {'on the command line' if typed else 'in the configuration'}"
+    change = f"change it {_place(key, overrides)}"
     match problem["type"]:
         case "extra_forbidden":
             known = _fields_at(location[:-1])

@@ -11,6 +11,7 @@ Tree = dict[str, Any]
 MISSING = object()
 HEADER = re.compile(r"\s*\[\s*([^\[\]#]+?)\s*\]\s*(#.*)?")
 SMALLEST, LARGEST = 1e-12, 1e12  # magnitudes of a number that somebody may mean; squares and inverses stay finite
+IN_FILE, ON_LINE = "in the configuration", "on the command line"  # where a value was given
 OLD = r"""([^\s#,}"']+|"[^"\n]*"|'[^'\n]*')"""
 
 
@@ -19,8 +20,11 @@ def copy_of(tree: Tree) -> Tree:
     return {key: copy_of(value) if isinstance(value, dict) else value for key, value in tree.items()}
 
 
-def unusable(tree: Tree, deepest: int) -> str:
-    """Why a tree as it was read cannot hold settings, "" where it can: depth, control characters, numbers of no use."""
+def unusable(tree: Tree, deepest: int, place: str) -> str:
+    """Why a tree as it was read cannot hold settings, "" where it can: depth, control characters, numbers of no use.
+
+    place: where it was given and is to be changed, such as "in the configuration".
+    """
     waiting: list[tuple[str, Any, int]] = [("", tree, 0)]
     while waiting:
         name, value, depth = waiting.pop()
@@ -30,12 +34,10 @@ def unusable(tree: Tree, deepest: int) -> str:
             inner = value.items() if isinstance(value, dict) else enumerate(value)
             waiting += [(f"{name}.{key}".lstrip("."), each, depth + 1) for key, each in inner]
         if any(not character.isprintable() for character in (name, value) if isinstance(character, str)):
-            return f"{name} = {value!r}: expected text without control characters; change it in the configuration"
+            return f"{name} = {value!r}: expected text without control characters; change it {place}"
         if isinstance(value, float) and value != 0.0 and not SMALLEST <= abs(value) <= LARGEST:
-            return (
-                f"{name} = {value!r}: expected 0 or a magnitude of {SMALLEST:g} to {LARGEST:g}; "
-                "change it in the configuration"
-            )
+            magnitudes = f"0 or a magnitude of {SMALLEST:g} to {LARGEST:g}"
+            return f"{name} = {value!r}: expected {magnitudes}; change it {place}"
     return ""
 
 

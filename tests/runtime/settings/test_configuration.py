@@ -87,6 +87,28 @@ def test_an_override_reaches_its_key_and_a_wrong_one_is_named() -> None:
         load_configuration_text("seed = 1", {"seed.deep": "7"})
 
 
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("loop.rate_hz", "nan"),
+        ("loop.rate_hz", "1e99"),
+        ("rover", "'a\\u0007'"),
+        ("slam.particles", "-5"),
+        ("slam.front_end.kind", "given"),
+        ("slam.front_end.range_min_m", "99.0"),
+    ],
+)
+def test_a_wrong_value_is_to_be_changed_where_it_was_given(key: str, value: str) -> None:
+    *tables, last = key.split(".")
+    text = f"[{'.'.join(tables)}]\n" if tables else ""
+    with pytest.raises(ConfigurationError, match=r"change it in the configuration"):
+        load_configuration_text(
+            f"{text}{last} = {value if value != 'given' else repr(value)}\n[laser]\n", recorded=False
+        )
+    with pytest.raises(ConfigurationError, match=r"change it on the command line"):
+        load_configuration_text("[laser]\n", {key: value}, recorded=False)
+
+
 def test_noise_that_nobody_states_is_wide_for_sensors_and_bases_that_are_known_to_be_rough() -> None:
     text = '[vehicle]\nmotion_model = "speed_yaw_rate"\n[slam.front_end]\nkind = "given"\nsigma_range_m = 0.1\n'
     slam = load_configuration_text(text, recorded=False).slam
