@@ -1,5 +1,6 @@
 """infant bridge foxglove: a process of its own from a rover's zenoh keys to Foxglove and Lichtblick, over WebSocket."""
 
+import re
 import threading
 import time
 from dataclasses import dataclass
@@ -59,7 +60,8 @@ class FoxgloveServer:
                 message_backlog_size=BACKLOG,
             )
         except (RuntimeError, ValueError, OSError, OverflowError) as error:
-            raise SensorError(f"{host}:{port} cannot be served: {error}; give others with --host and --port") from error
+            why = re.sub(r"^\w*Error: (Failed to bind port: )?| \(os error \d+\)$", "", str(error))
+            raise SensorError(f"{host}:{port} cannot be served: {why}; give others with --host and --port") from error
         self.port: int = self._server.port
 
     def writer(self, topic: BridgedTopic) -> "_Channel":

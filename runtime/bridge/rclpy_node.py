@@ -46,9 +46,19 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--rover", required=True, help="name of the rover in its configuration")
     parser.add_argument("--connect", default="tcp/127.0.0.1:7448", help="zenoh endpoint of the rover or a router")
     parser.add_argument("--zenoh", help="zenoh configuration with the certificate for a fleet's router")
-    parser.add_argument("--namespace", help="default: the rover's name")
-    parser.add_argument("--frame-prefix", help="default: the rover's name; '' for map, odom, base_link, laser")
+    parser.add_argument("--namespace", type=ros_name, help="default: the rover's name")
+    parser.add_argument(
+        "--frame-prefix", type=ros_name, help="default: the rover's name; '' for map, odom, base_link, laser"
+    )
     return parser.parse_args()
+
+
+def ros_name(text: str) -> str:
+    """Names with / between them, or nothing, as ROS 2 takes them."""
+    words = text.strip("/")
+    if words and (len(words) > 100 or not re.fullmatch(r"([A-Za-z_]\w*/)*[A-Za-z_]\w*", words, re.ASCII)):
+        raise argparse.ArgumentTypeError(repr(text) + " is no name in ROS 2: expected one such as fleet/rover1")
+    return words
 
 
 def message_class(type_name: str) -> Any:
@@ -213,8 +223,8 @@ def main() -> None:
         sys.exit("infant_bridge: the package zenoh is not here; pip install eclipse-zenoh")
     own = re.sub("[^A-Za-z0-9_]", "_", options.rover)
     own = "rover_" + own if own[0].isdigit() else own
-    namespace = own if options.namespace is None else options.namespace.strip("/")
-    prefix = own if options.frame_prefix is None else options.frame_prefix.strip("/")
+    namespace = own if options.namespace is None else options.namespace
+    prefix = own if options.frame_prefix is None else options.frame_prefix
     stop = threading.Event()
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     for number in (signal.SIGINT, signal.SIGTERM):

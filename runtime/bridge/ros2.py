@@ -1,5 +1,6 @@
 """infant bridge ros2: a process of its own from a rover's zenoh keys to DDS, which stock ROS 2 speaks."""
 
+import re
 import threading
 from dataclasses import dataclass
 from typing import Any, TextIO
@@ -9,12 +10,14 @@ from runtime.bridge.dds import LOOPBACK, DdsParticipant
 from runtime.bridge.initial_pose import INITIAL_POSE
 from runtime.bridge.topics import HEARD, TOPICS, in_namespace
 from runtime.errors import UsageError
+from runtime.printable import printable
 from runtime.publish.find_rover import find_rover
 from runtime.publish.follow import following
 from runtime.publish.ros2_keys import ros_name
 from runtime.ros2.vehicle import Frames
 
 MOST_DOMAIN = 232
+LONGEST_NAME = 100  # characters; DDS takes 255 for a whole topic
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +41,8 @@ def bridge_ros2(options: BridgeOptions, stop: threading.Event, said: TextIO) -> 
     """
     if not 0 <= options.domain <= MOST_DOMAIN:
         raise UsageError(f"--domain {options.domain}: expected 0 to {MOST_DOMAIN}, the ROS_DOMAIN_ID of the nodes")
+    for option, name in (("--namespace", options.namespace), ("--frame-prefix", options.frame_prefix)):
+        _refuse_no_name(option, name)
     rover = find_rover(options.connect, options.rover, options.config_file)
     own = ros_name(rover.name)
     namespace = own if options.namespace is None else options.namespace.strip("/")
@@ -53,3 +58,13 @@ def bridge_ros2(options: BridgeOptions, stop: threading.Event, said: TextIO) -> 
         poses = participant.reader(in_namespace(INITIAL_POSE, namespace))
         run_bridge(follower, bridge, poses.take, options.resolution_m, stop, said)
     return {"rover": rover.name, "sent": dict(sorted(bridge.sent.items()))}
+
+
+def _refuse_no_name(option: str, name: str | None) -> None:
+    """Raises UsageError where ROS 2 could not have the name."""
+    words = (name or "").strip("/")
+    if words and (len(words) > LONGEST_NAME or not re.fullmatch(r"([A-Za-z_]\w*/)*[A-Za-z_]\w*", words, re.ASCII)):
+        raise UsageError(
+            f"{option} {printable(name or '')!r}: expected up to {LONGEST_NAME} letters, digits and _, parts of it "
+            "between / and none that begins with a digit, as in fleet/rover1"
+        )

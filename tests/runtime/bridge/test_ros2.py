@@ -1,9 +1,11 @@
 """The bridge hands CDR to DDS as it is, names topics and frames per rover, and says what is wrong in one sentence."""
 
+import argparse
 import ast
 import json
 import math
 import sys
+import threading
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -127,6 +129,19 @@ def test_nobody_there_and_words_that_make_no_sense_are_one_sentence() -> None:
         find_rover(NOBODY, "a/b")
     with pytest.raises(UsageError, match="--domain 300"):
         bridge_ros2(BridgeOptions(connect=NOBODY, domain=300), None, sys.stderr)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["a b", "1st", "fleet//rover", "x" * 101, "rövér", "a\n"])
+def test_a_name_that_ros_2_cannot_have_is_one_sentence(name: str) -> None:
+    for option, asked in (
+        ("--namespace", BridgeOptions(NOBODY, namespace=name)),
+        ("--frame-prefix", BridgeOptions(NOBODY, frame_prefix=name)),
+    ):
+        with pytest.raises(UsageError, match=rf"{option} .*as in fleet/rover1"):
+            bridge_ros2(asked, threading.Event(), sys.stderr)
+        with pytest.raises(argparse.ArgumentTypeError, match="fleet/rover1"):
+            rclpy_node.ros_name(name)
+    assert rclpy_node.ros_name("/fleet/rover_1/") == "fleet/rover_1"
 
 
 def test_a_rover_is_followed_from_endpoint_to_message_and_answers_where_its_laser_sits() -> None:
