@@ -7,6 +7,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
@@ -18,6 +19,7 @@ from runtime.record.trajectories import with_estimates
 from runtime.review.ticks import ELAPSED
 
 LOOPBACK = "127.0.0.1"
+RRD_MAGIC = b"RRF2"  # major and minor version follow, a byte each
 READY_S = 60.0
 POLL_S = 0.5
 TOP_BAR_PX = 36
@@ -30,14 +32,23 @@ NO_VULKAN = (
 def review_paths(folder: RunFolder, progress: Callable[[float], None] | None = None) -> list[Path]:
     """Files of a run's review, made from run.mcap if the last is missing; of the newest replay if it was imported.
 
+    What a newer rerun has drawn than the viewer here is drawn again: it may not understand all of it.
     progress gets the share that is drawn. Raises NotARunError, StorageError, UsageError (an import, no replay).
     """
     folder = with_estimates(RunReader(folder.path)).folder
-    if not folder.review_path.is_file():
+    if not folder.review_path.is_file() or any(map(is_of_newer_rerun, folder.review_paths())):
         from runtime.review.rebuild import build_review
 
         build_review(folder.path, folder.review_path, progress=progress)
     return folder.review_paths()
+
+
+def is_of_newer_rerun(rrd: Path) -> bool:
+    """Whether the file begins with the mark of an .rrd and a version above the one that is installed."""
+    with rrd.open("rb") as stream:
+        head = stream.read(6)
+    installed = bytes(int(part) for part in version("rerun-sdk").split(".")[:2])
+    return head.startswith(RRD_MAGIC) and head[len(RRD_MAGIC) :] > installed
 
 
 def open_review(

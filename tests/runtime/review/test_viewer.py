@@ -17,8 +17,10 @@ from runtime.record.header import RunHeader
 from runtime.record.mcap_file import RecordFile
 from runtime.review.layout import SLAM
 from runtime.review.viewer import (
+    RRD_MAGIC,
     free_port,
     headless_viewer,
+    is_of_newer_rerun,
     reported_errors,
     review_paths,
     screenshot,
@@ -119,6 +121,17 @@ def test_a_missing_review_is_made_from_the_record(run: RunFolder) -> None:
         == before.values[("/map/laser/kept", "positions")]
     )
     assert not list(run.path.glob("*.unfinished"))
+
+
+def test_what_a_newer_rerun_has_drawn_is_drawn_again_by_this_one(run: RunFolder) -> None:
+    assert not is_of_newer_rerun(review_paths(run)[0])
+    content = bytearray(run.review_path.read_bytes())
+    content[len(RRD_MAGIC) + 1] += 1  # the minor version
+    run.review_path.write_bytes(content)
+    assert is_of_newer_rerun(run.review_path)
+    assert review_paths(run) == [run.review_path]
+    assert not is_of_newer_rerun(run.review_path)
+    assert len(Drawn(run.review_path).values[("/map/rover", "translation")]) == 120
 
 
 def test_a_path_that_is_not_utf_8_is_one_sentence_before_the_viewer_ends_over_it() -> None:
