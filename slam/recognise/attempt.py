@@ -208,10 +208,10 @@ class _Side:
 
     def best(self) -> tuple[Pose2, NDArray[np.int64], list[float]]:
         """The pose with the largest Bayes factor, its matches (n,), and the logarithms of this one and of all rivals
-        that are not negligible, the largest first.
+        that are not negligible or that chance has lifted above 0, the largest first.
         """
         order = np.argsort(-self._factors, kind="stable")
-        order = order[self._factors[order] > max(float(self._factors[order[0]]) - NEGLIGIBLE, -math.inf)]
+        order = order[self._factors[order] > min(float(self._factors[order[0]]) - NEGLIGIBLE, 0.0)]
         apart: list[int] = []
         for number in order.tolist():
             if not any(_same(self._found.poses[number], self._found.poses[other]) for other in apart):
@@ -270,7 +270,8 @@ def searched(
         order = np.argsort(far, kind="stable")
         orders[number] = order[(order != a) & (order != b)]
     bounds = np.column_stack((low[chosen], high[chosen])).astype(np.int64)
-    return Searched(np.ascontiguousarray(points_m), variances_m2, pairs, bounds, orders, region_of(prior))
+    bent_m2 = scale.sigma_m**2 - scale.same_sigma_m**2
+    return Searched(np.ascontiguousarray(points_m), variances_m2, pairs, bounds, orders, bent_m2, region_of(prior))
 
 
 def _same(pose: FloatArray, other: FloatArray) -> bool:

@@ -28,7 +28,8 @@ class Searched(NamedTuple):
     """Local points (n, 2) in the body's frame, variances_m2 (n,) with those of the map, and what of them is tried.
 
     pairs (t, 2): the local pairs; bounds (t, 2): the map's pairs of their length; orders (t, n - 2): the other points,
-    nearest to the pair first. region: which poses count.
+    nearest to the pair first. bent_m2: what of the variances is there only because the map is bent. region: which poses
+    count.
     """
 
     points_m: FloatArray
@@ -36,6 +37,7 @@ class Searched(NamedTuple):
     pairs: IntArray
     bounds: IntArray
     orders: IntArray
+    bent_m2: float
     region: Region
 
 
@@ -189,9 +191,12 @@ def match(
 
 @kernel
 def information_at(
-    searched: Searched, known: IndexedMap, pose: FloatArray, matches: IntArray, information: FloatArray
+    searched: Searched, known: IndexedMap, pose: FloatArray, matches: IntArray, less_m2: float, information: FloatArray
 ) -> tuple[float, float, float]:
-    """Fill information (3, 3) of the matches about the pose; returns the slope of their squares there."""
+    """Fill information (3, 3) of the matches about the pose; returns the slope of their squares there.
+
+    less_m2: by how much every variance is smaller than searched says.
+    """
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     information[:] = 0.0
     to_x, to_y, to_heading = 0.0, 0.0, 0.0
@@ -200,7 +205,7 @@ def information_at(
             continue
         px, py = searched.points_m[u, 0], searched.points_m[u, 1]
         turned_x, turned_y = cosine * px - sine * py, sine * px + cosine * py
-        weight = 1.0 / searched.variances_m2[u]
+        weight = 1.0 / (searched.variances_m2[u] - less_m2)
         gap_x = known.grid.points_m[matches[u], 0] - pose[0] - turned_x
         gap_y = known.grid.points_m[matches[u], 1] - pose[1] - turned_y
         information[0, 0] += weight
@@ -210,6 +215,8 @@ def information_at(
         information[1, 2] += weight * turned_x
         to_x, to_y = to_x + weight * gap_x, to_y + weight * gap_y
         to_heading += weight * (turned_x * gap_y - turned_y * gap_x)
+    for axis in range(3):
+        information[axis, axis] += SMALLEST
     information[2, 0], information[2, 1] = information[0, 2], information[1, 2]
     return to_x, to_y, to_heading
 
@@ -219,25 +226,45 @@ def refine(searched: Searched, known: IndexedMap, pose: FloatArray, takers: IntA
     """Move the pose (3,) onto its matches (n,), in place; returns the log of its Bayes factor against chance, with the
     prior of the region; anywhere in the map where there is none.
 
-    Every local point counts, matched or not: a pose that leaves most of them unmatched is none.
+    Every local point counts, matched or not: a pose that leaves most of them unmatched is none. Nobody knows
+    whether the map is bent here or as exact as one landmark: each is as likely.
     """
     information = np.zeros((3, 3))
     for step in range(REFINEMENTS):
         match(searched, known, pose, (2.0 if step == 0 else 1.0) * REFINED_GATE_SIGMAS, takers, matches)
-        to_x, to_y, to_heading = information_at(searched, known, pose, matches, information)
         if (matches != NONE).sum() < 2:
             return -math.inf
-        for axis in range(3):
-            information[axis, axis] += SMALLEST
-        change = np.linalg.solve(information, np.array((to_x, to_y, to_heading)))
-        pose += change
-        pose[2] = wrapped(pose[2])
+        change = improve(searched, known, pose, matches, 0.0, information)
         if step > 0 and abs(change[0]) + abs(change[1]) < CONVERGED_M and abs(change[2]) < CONVERGED_RAD:
             break
     match(searched, known, pose, REFINED_GATE_SIGMAS, takers, matches)
-    information_at(searched, known, pose, matches, information)
     if (matches != NONE).sum() < 2:
         return -math.inf
+    bent = log_factor(searched, known, pose, matches, 0.0, information)
+    nearby = pose.copy()
+    improve(searched, known, nearby, matches, searched.bent_m2, information)
+    exact = log_factor(searched, known, nearby, matches, searched.bent_m2, information)
+    return float(np.logaddexp(bent, exact)) - math.log(2.0)
+
+
+@kernel
+def improve(
+    searched: Searched, known: IndexedMap, pose: FloatArray, matches: IntArray, less_m2: float, information: FloatArray
+) -> FloatArray:
+    """Move the pose (3,) to where the squares of its matches are least, as they look from here; returns by how much."""
+    to_x, to_y, to_heading = information_at(searched, known, pose, matches, less_m2, information)
+    change = np.linalg.solve(information, np.array((to_x, to_y, to_heading)))
+    pose += change
+    pose[2] = wrapped(pose[2])
+    return change
+
+
+@kernel
+def log_factor(
+    searched: Searched, known: IndexedMap, pose: FloatArray, matches: IntArray, less_m2: float, information: FloatArray
+) -> float:
+    """Log of the Bayes factor of a pose with its matches (n,), the prior of the region included."""
+    information_at(searched, known, pose, matches, less_m2, information)
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     value = 0.0
     for u in range(matches.size):
@@ -248,7 +275,7 @@ def refine(searched: Searched, known: IndexedMap, pose: FloatArray, takers: IntA
         gap_x = known.grid.points_m[matches[u], 0] - pose[0] - cosine * px + sine * py
         gap_y = known.grid.points_m[matches[u], 1] - pose[1] - sine * px - cosine * py
         square = gap_x * gap_x + gap_y * gap_y
-        value += ratio(square, searched.variances_m2[u], known.densities[matches[u]])
+        value += ratio(square, searched.variances_m2[u] - less_m2, known.densities[matches[u]])
     determinant = np.linalg.det(information)
     if determinant <= 0.0:
         return -math.inf

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from slam.joint.gaussian import JointGaussian
 from slam.pose import Pose2
-from slam.recognise.attempt import LEAST_MATCHES, LEAST_TOLD, NOTHING, Attempt, Hypothesis
+from slam.recognise.attempt import LEAST_MATCHES, LEAST_POINTS, LEAST_TOLD, NOTHING, Attempt, Hypothesis
 from slam.recognise.local_points import local_points
 from slam.recognise.prior import PosePrior
 from slam.recognise.scale import Scale
@@ -51,8 +51,8 @@ def begin_search(scale: Scale, source: JointGaussian, island: Island, *, whole: 
     if len(points) < LEAST_MATCHES or not len(island.index) or (not whole and tried == island.tried):
         return None
     island.tried = tried
-    near = min(2 * len(points) // 3, MOST_NEAR)
-    whole = whole or near < LEAST_MATCHES
+    near = min(len(points) // 2, MOST_NEAR)
+    whole = whole or near < LEAST_POINTS
     attempt = Attempt(scale, island.index.indexed, points.nearest(MOST_LOOKED_FOR if whole else near))
     return Search(attempt, source, island, source.map_from_body, whole)
 

@@ -40,7 +40,8 @@ def kidnap_trial(
         "name": name,
         "landmarks": len(known),
         "kidnaps": [
-            set_down(drive, known, moment, FARTHEST_M) | {"in_map": is_in_map(drive, known, moment)}
+            set_down(drive, known, moment, FARTHEST_M)
+            | {"in_map": is_in_map(drive, known, moment), "passes": passes(drive, known, moment)}
             for moment in moments.tolist()
         ],
     }
@@ -66,7 +67,8 @@ def world_trial(
         "name": f"{kind}, {exchanged:.0%} exchanged" if exchanged else kind,
         "landmarks": len(known),
         "kidnaps": [
-            set_down(drive, known, moment, WORLD_WAY_M) | {"in_map": True} for moment in sorted(moments.tolist())
+            set_down(drive, known, moment, WORLD_WAY_M) | {"in_map": True, "passes": len(known)}
+            for moment in sorted(moments.tolist())
         ],
     }
 
@@ -110,6 +112,20 @@ def is_in_map(drive: ToldDrive, known: JointMap, moment: int) -> bool:
         if len(matched) and ((matched >= 0) & (matched < newest)).mean() >= IN_MAP_SHARE:
             return True
     return False
+
+
+def passes(drive: ToldDrive, known: JointMap, moment: int) -> int:
+    """How many landmarks of the map the whole drive's filter matched within IN_MAP_M. One that is seen alone, of three
+    features, makes is_in_map true; nobody can be recognised by it.
+    """
+    own, seen = set(known.identities.tolist()), set[int]()
+    way_m = 0.0
+    for number in range(moment, len(drive.seen)):
+        way_m += float(np.hypot(*drive.seen[number].increment_mean[:2])) if number > moment else 0.0
+        if way_m > IN_MAP_M:
+            break
+        seen |= own.intersection(drive.matched[number].tolist())
+    return len(seen)
 
 
 def distance_m(pose: FloatArray, other: FloatArray) -> float:

@@ -15,6 +15,8 @@ from runtime.studies.relocalisation.localisation import localise_trial
 from runtime.studies.relocalisation.sessions import session_trial
 from runtime.studies.relocalisation.slips import slip_trial
 from runtime.studies.relocalisation.strangers import stranger_trial
+from slam.recognise.attempt import LEAST_MATCHES
+from slam.recognise.confirmation import NEW_MATCHES
 
 PARTS = ("worlds", "recordings", "sessions", "strangers", "localise", "slips")
 KIDNAPPED_IN = {"victoria_park": 100, "intel_lab": 60}  # recordings, and how often
@@ -26,6 +28,7 @@ STRANGERS = ("intel_lab", "fr079_a", "belgioioso", "seattle", "aces_austin", "fr
 SLIPPED_IN, SLIPS = "victoria_park", 32
 MOST_LOCALISED = 8  # seeds
 RIGHT_M = 5.0
+ENOUGH = LEAST_MATCHES + NEW_MATCHES  # landmarks of a map, without which no place in it is announced
 NEVER_M = 1e9
 
 
@@ -95,10 +98,16 @@ def rows_of(part: str, results: Sequence[Result]) -> list[Row]:
 
 
 def kidnap_row(name: str, results: Sequence[Result]) -> Row:
-    """Recognised of those in the map, how far they had driven (of all of these), and how many were wrong anywhere."""
+    """Recognised of those in the map, how far they had driven (of all of these), and how many were wrong anywhere. The
+    same of those that pass as many of its landmarks as the two attempts ask for.
+    """
     everyone = [kidnap for result in results for kidnap in result["kidnaps"]]
     inside = [kidnap for kidnap in everyone if kidnap["in_map"]]
-    ways = np.sort([NEVER_M if kidnap["driven_m"] is None else kidnap["driven_m"] for kidnap in inside])
+    passing = [kidnap for kidnap in inside if kidnap["passes"] >= ENOUGH]
+    ways, of_passing = (
+        np.sort([NEVER_M if kidnap["driven_m"] is None else kidnap["driven_m"] for kidnap in some])
+        for some in (inside, passing)
+    )
     found = [kidnap for kidnap in everyone if kidnap["driven_m"] is not None]
     errors = np.array([kidnap["error_m"] for kidnap in found])
     return {
@@ -111,6 +120,10 @@ def kidnap_row(name: str, results: Sequence[Result]) -> Row:
         "within 20 m": int((ways <= 4.0 * RIGHT_M).sum()),
         "50 %, m": _quantile(ways, 0.5),
         "90 %, m": _quantile(ways, 0.9),
+        f"passing {ENOUGH}": len(passing),
+        "of these": int((of_passing < NEVER_M).sum()),
+        "of these 50 %, m": _quantile(of_passing, 0.5),
+        "of these 90 %, m": _quantile(of_passing, 0.9),
         "error 50 %, m": round(float(np.median(errors)), 3) if len(errors) else None,
         f"wrong by {RIGHT_M:g} m": int((errors > RIGHT_M).sum()),
     }

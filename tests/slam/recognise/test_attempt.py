@@ -12,6 +12,7 @@ from runtime.studies.recognition.constellations import (
     seen_from,
     somewhere,
 )
+from runtime.studies.recognition.trials import recognition_trial
 from slam.pose import Pose2
 from slam.recognise.attempt import Attempt, Hypothesis, odds_of, recognise
 from slam.recognise.map_index import index_of
@@ -176,3 +177,23 @@ def test_where_nothing_of_what_is_said_is_true_nothing_is_believed(count: int) -
         assert not found.acceptable
         assert found.odds < 10.0
         assert found.mirror_odds < 10.0
+
+
+def test_a_map_that_is_as_exact_as_its_landmarks_says_more_than_one_that_is_bent() -> None:
+    generator = np.random.default_rng(11)
+    things = scattered(generator, 100)
+    seen = things[np.argsort(np.hypot(*(things - things.mean(axis=0)).T))[:7]]
+    x_m, y_m = seen.mean(axis=0).tolist()
+    pose = Pose2(x_m, y_m, 0.0)
+    points = local_points(pose.inverse().transform(seen))
+    bent = things + 0.5 * SCALE.sigma_m * generator.standard_normal(things.shape)
+    exact_odds, bent_odds = (recognise(index_of(SCALE, np.arange(100), map_m), points).odds for map_m in (things, bent))
+    assert exact_odds > 25.0, "it was 22.6 where every map was taken for bent"
+    assert bent_odds < exact_odds - 2.0
+
+
+def test_where_things_stand_in_rows_the_mirror_is_measured_by_rivals_however_far_below() -> None:
+    """An orchard in which one mirrored place is far above all others, and those are far above chance elsewhere."""
+    trial = recognition_trial("orchard, 0.3 m", 6, 196, 20, "")
+    assert max(trial["null_odds"]) < 14.0, "it was 23"
+    assert trial["wrong"] == 0

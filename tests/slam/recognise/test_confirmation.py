@@ -57,3 +57,23 @@ def test_one_attempt_is_enough_where_three_of_its_matches_could_have_been_withhe
     assert not Confirmation().add(hypothesis(HERE, range(8), odds=40.0), Pose2())
     assert not Confirmation().add(hypothesis(HERE, range(9), odds=20.0, mirror_odds=16.0), Pose2())
     assert not Confirmation().add(hypothesis(HERE, range(9), odds=19.9), Pose2())
+
+
+def test_a_first_attempt_names_the_place_long_before_it_could_be_believed() -> None:
+    confirmation = Confirmation()
+    assert not confirmation.add(hypothesis(HERE, range(4), odds=3.0), Pose2())
+    assert not confirmation.add(hypothesis(HERE, range(6), odds=19.0), Pose2())
+    assert confirmation.add(hypothesis(HERE, range(7), odds=19.0), Pose2())
+
+
+def test_what_is_hardly_more_probable_than_nothing_names_no_place() -> None:
+    confirmation = Confirmation()
+    assert not confirmation.add(hypothesis(HERE, range(4), odds=2.9), Pose2())
+    assert not confirmation.add(hypothesis(HERE, range(7), odds=19.0), Pose2())
+
+
+def test_a_place_that_was_named_with_more_is_not_forgotten_for_one_with_less() -> None:
+    confirmation = Confirmation()
+    confirmation.add(hypothesis(HERE, range(4), odds=9.0), Pose2())
+    assert not confirmation.add(hypothesis(Pose2(), range(20, 24), odds=8.0), Pose2())
+    assert confirmation.add(hypothesis(HERE, range(7)), Pose2())
