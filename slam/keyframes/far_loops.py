@@ -6,20 +6,20 @@ import numpy as np
 
 from drivers.measurements import FloatArray
 from slam.front_end.wide_search import Found, WideSearch
+from slam.keyframes.agreement import Agreement, correction_of
 from slam.pose import Pose2
 
 STEP_M = 0.25  # between two searches, each of which takes milliseconds
 LEAST_SHARE = 0.25  # of the points on surfaces of the keyframe: by a tenth corridors were closed metres off
 CLEAR_M = 0.3  # sigma of a fit; one that leaves more open, as in a corridor, does not say where the rover is
-SAME_M, SAME_RAD = 0.3, 0.1  # two fits that correct the pose so nearly alike say the same
 
 
 class FarLoops:
-    """Lays scans onto keyframes metres away; remembers the one of the last fit, and how it would have the pose move."""
+    """Lays scans onto keyframes metres away."""
 
     def __init__(self) -> None:
         self._tried_at: Pose2 | None = None
-        self._before: tuple[int, Pose2] | None = None
+        self._agreement = Agreement()
 
     def is_due(self, pose: Pose2) -> bool:
         """Whether the rover has moved on since the last search."""
@@ -39,13 +39,5 @@ class FarLoops:
             return None
         if math.sqrt(np.linalg.inv(found.information)[:2, :2].trace()) > CLEAR_M:
             return None
-        keyframe = pose @ Pose2(*predicted.tolist()).inverse()
-        correction = keyframe @ Pose2(*found.motion.tolist()) @ pose.inverse()
-        before, self._before = self._before, (number, correction)
-        if before is None or before[0] == number:
-            return None
-        apart = (before[1] @ pose).inverse() @ correction @ pose
-        if math.hypot(apart.x_m, apart.y_m) >= SAME_M or abs(apart.heading_rad) >= SAME_RAD:
-            return None
-        self._before = None  # the pose is about to be corrected
-        return found
+        correction = correction_of(pose, Pose2(*predicted.tolist()), Pose2(*found.motion.tolist()))
+        return found if self._agreement.confirms(number, correction, pose) else None

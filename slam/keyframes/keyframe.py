@@ -11,6 +11,8 @@ from slam.front_end.wide_search import View
 from slam.maps.views import CentimetreArray
 from slam.pose import Pose2
 
+LYING_SHARE = 0.6  # of a scan's points that are on surfaces of the keyframe, where it lies on them
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Keyframe:
@@ -50,7 +52,7 @@ class Keyframe:
 @dataclass(frozen=True, slots=True, eq=False)
 class Laid:
     """Where a scan lies on a keyframe: predicted and found motion (3,), information (3, 3), the part of it that the
-    prediction holds, points on surfaces.
+    prediction holds, points on surfaces, of how many.
     """
 
     predicted: FloatArray
@@ -58,3 +60,13 @@ class Laid:
     information: FloatArray
     held: FloatArray
     count: int
+    points: int
+
+    @property
+    def lies(self) -> bool:
+        """Whether the scan lies on what the keyframe saw; from a wrong pose one in a hundred does."""
+        return self.count >= LYING_SHARE * self.points
+
+    def is_near(self, reach_m: float, reach_rad: float) -> bool:
+        """Whether the scan was predicted so near the keyframe."""
+        return bool(math.hypot(self.predicted[0], self.predicted[1]) < reach_m and abs(self.predicted[2]) < reach_rad)

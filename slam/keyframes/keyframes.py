@@ -18,35 +18,26 @@ from slam.joint.gaussian import JointGaussian
 from slam.joint.keyframe_axis import poses_of
 from slam.joint.state import JointState
 from slam.keyframes.far_loops import FarLoops
+from slam.keyframes.fits import INFORMATION_SHARE, LEAST_POINTS, OLD, WIDEST_M, Fits
 from slam.keyframes.keyframe import Keyframe, Laid
 from slam.maps.views import NO_VIEWS, Views, kept_points
 from slam.pose import Pose2, composed
 
-STEP_M, STEP_RAD = 0.2, 0.15  # the rover moves or turns so far before another scan is laid onto keyframes
 NEW_M, NEW_RAD = 1.0, 0.6  # a scan becomes a keyframe where none that fits is so near
+STEP_M, STEP_RAD = 0.2, 0.15  # the rover moves or turns so far before another scan is laid onto keyframes
 REACH_M, REACH_SHARE = 6.0, 0.45  # keyframes farther away, or turned by more of the field of view, share too little
-OLD = 10  # a keyframe before the last so many closes a loop
 OLD_REACH_M = 4.0  # of such a keyframe, a radian counted as METRES_PER_RAD
 METRES_PER_RAD = 3.0
 MOST_OLD = 2  # are tried with one scan
-WIDEST_M, WIDEST_RAD = 0.7, 0.2  # sigma between pose and keyframe beyond which the search could end in the wrong place
-MOUNT_M, MOUNT_RAD = 0.03, 0.01  # what the mount and the sweep may be off by: the search is not held closer than this
 MOST_POINTS = 200  # of a scan are laid onto a keyframe
 MOST_BEAMS = 541  # of a keyframe are kept
-LEAST_POINTS, LEAST_SHARE = 30, 0.5  # on surfaces of the keyframe
 WITHIN_SIGMAS, WITHIN_SQUARE = 2.5, 14.0  # the pose may be off by so much; 99.7 % of what chance makes of three numbers
 FARTHEST_M, FARTHEST_RAD = 15.0, 0.5  # sigma beyond which it is not looked for at all
-LARGEST_SQUARE = 50.0  # of a fit that contradicts the filter; farther off it is another place that looks alike
-LYING_SHARE = 0.6  # of the points of a scan that lies on the map; from a wrong pose one in a hundred does
 LYING_M = 0.02  # sigma of its position, m, by its points alone
-INFORMATION_SHARE = 0.3  # of a fit's own claim: neighbouring scans share the errors of the keyframe
 
 
 class Keyframes:
-    """Chooses keyframes near the pose, lays the scan onto them and tells the joint Gaussian what came out.
-
-    fitted: how many fits were believed; closed: those of them with an old keyframe.
-    """
+    """Chooses keyframes near the pose, lays the scan onto them and tells the joint Gaussian what came out."""
 
     def __init__(self, joint: JointGaussian, body_from_laser: Pose2) -> None:
         self._joint = joint
@@ -56,10 +47,8 @@ class Keyframes:
         self._moved_from: FloatArray | None = None
         self._wanted = False
         self._far = FarLoops()
+        self._fits = Fits(joint, self._keyframes, body_from_laser)
         self._turn = 0
-        self._fits: list[KeyframeFit] = []
-        self.fitted = 0
-        self.closed = 0
 
     def __len__(self) -> int:
         return len(self._keyframes)
@@ -67,7 +56,13 @@ class Keyframes:
     @property
     def figures(self) -> dict[str, float]:
         """For the record."""
-        return {"keyframes": float(len(self)), "keyframe_fits": float(self.fitted), "loops_closed": float(self.closed)}
+        fits = self._fits
+        return {
+            "keyframes": float(len(self)),
+            "keyframe_fits": float(fits.fitted),
+            "loops_closed": float(fits.closed),
+            "poses_overruled": float(fits.overruled),
+        }
 
     def constrain(self, beams: Beams) -> bool:
         """Condition the joint Gaussian on how the scan lies on keyframes; True where it was told anything."""
@@ -85,10 +80,11 @@ class Keyframes:
         told = False
         between = self._joint.from_keyframes()
         for number in self._candidates(between):
-            near = self._fit(number, points)
-            if near is not None:
+            laid = self._fits.fit(number, points)
+            if laid is not None:
                 told = True
-                self._wanted = self._wanted and not near
+                self._wanted = self._wanted and not laid.is_near(NEW_M, NEW_RAD)
+        told = self._ask_again(points, between) or told
         return self._close_far(beams, points, between) or told
 
     def keep(self, beams: Beams) -> None:
@@ -120,8 +116,7 @@ class Keyframes:
 
     def take_fits(self) -> tuple[KeyframeFit, ...]:
         """The fits that were believed since the last time."""
-        fits, self._fits = tuple(self._fits), []
-        return fits
+        return self._fits.take()
 
     def views(self, state: JointState, numbers: IntArray) -> Views:
         """What those of these numbers showed, from where a state of the joint Gaussian has them."""
@@ -155,7 +150,8 @@ class Keyframes:
         bodies = [Pose2(*between[number].tolist()) @ off for number in numbers]
         nearest = int(np.argmin([math.hypot(body.x_m, body.y_m) for body in bodies]))
         information: FloatArray = np.asarray(np.linalg.inv(covariance) / INFORMATION_SHARE, dtype=np.float64)
-        return self._tell(numbers[nearest], bodies[nearest].as_array(), information, np.zeros((3, 3)))
+        laid = Laid(bodies[nearest].as_array(), bodies[nearest].as_array(), information, np.zeros((3, 3)), 0, 0)
+        return self._fits.tell(numbers[nearest], laid)
 
     def lies_on(self, beams: Beams, before_scan: int) -> bool:
         """Whether the scan lies on the nearest keyframe that was made before a scan, where the pose says that it
@@ -166,11 +162,11 @@ class Keyframes:
         apart[[keyframe.scan >= before_scan for keyframe in self._keyframes]] = math.inf
         if len(points) < LEAST_POINTS or not np.isfinite(apart).any():
             return False
-        laid = self._lay(int(np.argmin(apart)), points)
+        laid = self._fits.lay(int(np.argmin(apart)), points)
         if laid is None:
             return False
         least_known = np.linalg.eigvalsh((laid.information - laid.held)[:2, :2])[0]
-        return bool(laid.count >= LYING_SHARE * len(points) and least_known >= LYING_M**-2)
+        return bool(laid.lies and least_known >= LYING_M**-2)
 
     def forget_from(self, number: int) -> None:
         """Forget the keyframes from this number on: they were not taken where the map has them."""
@@ -178,6 +174,7 @@ class Keyframes:
         self._joint.forget_keyframes(number)
         self._moved_from, self._wanted = None, False
         self._far = FarLoops()
+        self._fits.forget_doubt()
 
     def _apart(self, between: FloatArray) -> FloatArray:
         """(K,) how far each keyframe is away, m and turns counted as such; inf beyond reach."""
@@ -197,27 +194,18 @@ class Keyframes:
         old = order[(order < len(apart) - OLD - 1) & (apart[order] < OLD_REACH_M)][:MOST_OLD]
         return list(dict.fromkeys((*order[:1].tolist(), *old.tolist())))
 
-    def _fit(self, number: int, points_m: FloatArray) -> bool | None:
-        """Lay points (p, 2), body frame, onto a keyframe; None where they do not fit, or where the search could end in
-        the wrong place, else whether it is near.
+    def _ask_again(self, points_m: FloatArray, between: FloatArray) -> bool:
+        """Where an old keyframe contradicted the joint Gaussian a little while ago, ask another one about the place it
+        named; whether the joint Gaussian was told.
         """
-        laid = self._lay(number, points_m)
-        if laid is None or laid.count < max(LEAST_POINTS, LEAST_SHARE * len(points_m)):
-            return None
-        if not self._tell(number, laid.motion, laid.information, laid.held):
-            return None
-        return bool(math.hypot(laid.predicted[0], laid.predicted[1]) < NEW_M and abs(laid.predicted[2]) < NEW_RAD)
-
-    def _lay(self, number: int, points_m: FloatArray) -> Laid | None:
-        """Lay points (p, 2), body frame, onto a keyframe; None where the search could end in the wrong place."""
-        predicted, covariance = self._joint.from_keyframe(number)
-        spread = np.diag(covariance)
-        if math.sqrt(spread[0] + spread[1]) > WIDEST_M or math.sqrt(spread[2]) > WIDEST_RAD:
-            return None
-        wheels = covariance + np.diag((MOUNT_M**2, MOUNT_M**2, MOUNT_RAD**2))
-        search = Search(points_m, self._keyframes[number].surfaces(self._laser_from_body))
-        motion, information, count = search.best(predicted, wheels)
-        return Laid(predicted, motion, information, np.asarray(np.linalg.inv(wheels), dtype=np.float64), count)
+        doubted = self._fits.doubted()
+        if doubted is None:
+            return False
+        number, off = doubted
+        apart = self._apart(composed(between, off.as_array()))
+        apart[number] = math.inf
+        apart[max(0, len(apart) - OLD - 1) :] = math.inf
+        return bool(np.isfinite(apart).any()) and self._fits.ask_again(int(np.argmin(apart)), points_m, off)
 
     def _close_far(self, beams: Beams, points_m: FloatArray, between: FloatArray) -> bool:
         """Try one old keyframe from which the pose is known to metres only, the next one the next time; whether the
@@ -249,27 +237,9 @@ class Keyframes:
         onto = Search(points_m, keyframe.surfaces(self._laser_from_body))
         search = WideSearch(onto, View.of(beams), keyframe.view, self._body_from_laser)
         found = self._far.find(number, search, at, pose, predicted)
-        return found is not None and self._tell(number, found.motion, found.information, LOOSE)
-
-    def _tell(self, number: int, motion: FloatArray, information: FloatArray, held: FloatArray) -> bool:
-        """Condition the joint Gaussian on a fit (3,) with its information (3, 3), of which held (3, 3) came from the
-        search's own prior; False where it contradicts what is known.
-        """
-        predicted, covariance = self._joint.from_keyframe(number)
-        off = motion - predicted
-        off[2] = math.remainder(off[2], 2.0 * math.pi)
-        told = INFORMATION_SHARE * (information - held)
-        spread = np.linalg.inv(told + 1e-9 * np.eye(3))
-        innovation = covariance + spread
-        if not off @ np.linalg.solve(innovation, off) < LARGEST_SQUARE:
+        if found is None:
             return False
-        posterior = np.linalg.inv(told + np.linalg.inv(covariance))
-        by_scan = told @ off + INFORMATION_SHARE * (held @ off)
-        self._joint.condition(number, posterior @ by_scan, posterior)
-        self._fits.append(KeyframeFit(number, predicted + spread @ by_scan, told))
-        self.fitted += 1
-        self.closed += number < len(self._keyframes) - OLD - 1
-        return True
+        return self._fits.tell(number, Laid(predicted, found.motion, found.information, LOOSE, 0, 0))
 
 
 def _sigma_m(covariance: FloatArray) -> float:

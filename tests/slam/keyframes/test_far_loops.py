@@ -40,7 +40,7 @@ def test_a_loop_is_closed_where_the_pose_is_known_to_metres_only(
     assert math.hypot(*errors[lap][:2]) > 0.9 * math.hypot(*off[:2])
     assert math.hypot(*errors[-1][:2]) < 0.3
     assert math.sqrt(joint.covariance[:2, :2].trace()) < 0.3
-    assert keyframes.closed > 0
+    assert keyframes.figures["loops_closed"] > 0
 
 
 KEYFRAMES = (AT_A_CORNER, AT_A_CORNER @ Pose2(-1.0, -0.2, 0.1))  # where they stand in truth

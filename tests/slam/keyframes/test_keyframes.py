@@ -51,7 +51,7 @@ def test_scans_laid_onto_keyframes_take_out_most_of_what_the_wheels_err_by(stops
     errors = rng.normal(size=(len(stops), 3)) * np.sqrt(np.diag(WHEELS))
     errors[0] = 0.0
     joint, keyframes = driven(stops, errors)
-    assert keyframes.fitted >= len(stops) // 2
+    assert keyframes.figures["keyframe_fits"] >= len(stops) // 2
     assert 1 < len(keyframes) <= len(stops)
     by_wheels = np.abs(errors[:, 2].sum())
     assert np.abs(error_of(joint, stops)[2]) < 0.2 * max(by_wheels, 0.05)
@@ -64,9 +64,34 @@ def test_a_rover_that_comes_back_closes_its_loop_with_an_old_keyframe(stops: lis
     errors = rng.normal(size=(len(there_and_back), 3)) * 0.3 * np.sqrt(np.diag(WHEELS))
     errors[0] = 0.0
     joint, keyframes = driven(there_and_back, errors)
-    assert keyframes.closed > 0
+    assert keyframes.figures["loops_closed"] > 0
     assert np.hypot(*error_of(joint, there_and_back)[:2]) < 0.1
     assert np.sqrt(np.trace(joint.covariance[:2, :2])) < 0.15
+
+
+@pytest.mark.parametrize(("off_m", "has_another"), [(0.4, True), (0.4, False), (0.0, True)])
+def test_a_filter_that_is_wrong_and_sure_of_itself_is_corrected_by_two_old_keyframes_and_not_by_one(
+    stops: list[Stop], off_m: float, has_another: bool
+) -> None:
+    """The rover drives a while and comes back to the start; something moves its pose by more than its sigma admits."""
+    there_and_back = [*stops, *stops[-2::-1]]
+    joint, keyframes = driven(there_and_back, np.zeros((len(there_and_back), 3)))
+    sigma_m = np.sqrt(np.trace(joint.from_keyframe(0)[1][:2, :2]))
+    joint.state.mean[1] += off_m
+    assert sigma_m < 0.1
+    if not has_another:
+        number = min(len(keyframes), 2)
+        joint.keyframe_ends, keyframes._keyframes[number:] = joint.keyframe_ends[:number], []
+    before = stops[0]
+    for stop in stops[1:4]:
+        moved = before.map_from_body.inverse() @ stop.map_from_body
+        joint.predict(moved.as_array(), np.diag((0.002, 0.002, 0.002)) ** 2)
+        keyframes.constrain(beams_of(stop))
+        before = stop
+    off = stops[0].map_from_body.inverse() @ stops[3].map_from_body
+    error = (off.inverse() @ joint.map_from_body).as_array()
+    assert bool(np.hypot(*error[:2]) < 0.1) is (has_another or off_m == 0.0)
+    assert (keyframes.figures["poses_overruled"] > 0) is (off_m > 0.0 and has_another)
 
 
 def test_a_scan_of_another_place_is_not_believed(stops: list[Stop]) -> None:
