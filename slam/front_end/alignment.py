@@ -12,8 +12,8 @@ import numpy as np
 
 from drivers.measurements import FloatArray, IntArray, Scan, ScanLike
 from slam.front_end.alignment_kernels import EarlierScans, surface_normals
-from slam.front_end.alignment_search import Search
-from slam.front_end.deskew import Beams, Twist, deskew
+from slam.front_end.alignment_search import GATE_LAST_M, Search
+from slam.front_end.deskew import Beams, Twist, deskew, sharp_to_m
 from slam.front_end.differencing import LEAST_SUPPORT, OLDEST_S
 from slam.front_end.wide_search import Found, View, WideSearch
 from slam.odometry.odometry import Increment
@@ -273,8 +273,8 @@ class Alignment:
 
     def _beams(self, seen: SeenFrom) -> Beams:
         if seen.beams is None:
-            limits = (self._settings.range_min_m, self._settings.range_max_m)
-            seen.beams = deskew(seen.scan, seen.twist, self._body_from_laser, *limits)
+            farthest_m = min(self._settings.range_max_m, sharp_to_m(seen.scan, seen.twist, GATE_LAST_M))
+            seen.beams = deskew(seen.scan, seen.twist, self._body_from_laser, self._settings.range_min_m, farthest_m)
         return seen.beams
 
     def _normals(self, seen: SeenFrom) -> FloatArray:

@@ -12,6 +12,7 @@ from slam.observations import Features
 from slam.pose import Pose2
 
 NEAREST_M = 0.1  # below this a direction means nothing
+UNTIMED_S = 0.01  # where a scan does not tell when each beam was taken: a sweep takes about twice as long
 LARGEST_SPAN_RAD = 4.0 * math.pi  # of one sweep; in degrees every laser would see more
 
 
@@ -73,6 +74,15 @@ def deskew(scan: Scan, twist: Twist, body_from_laser: Pose2, range_min_m: float,
         beams,
     )
     return Beams(scan.stamp_ns, *beams, float(spacing))
+
+
+def sharp_to_m(scan: Scan, twist: Twist, blur_m: float) -> float:
+    """Range up to which returns stand where they seem to, to blur_m, though the rover turned in the sweep.
+
+    Scans that tell when each beam was taken are deskewed; those of most logs do not. inf where nothing is blurred.
+    """
+    turned_rad = 0.0 if scan.beam_period_s != 0.0 else abs(twist.yaw_rate_radps) * UNTIMED_S
+    return blur_m / turned_rad if turned_rad > 0.0 else math.inf
 
 
 def with_motion_noise(features: Features, scan: ScanLike, covariance: FloatArray, duration_s: float) -> Features:

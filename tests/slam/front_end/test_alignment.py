@@ -115,6 +115,22 @@ def test_good_wheels_that_add_up_are_laid_onto_keyframes_where_enough_is_seen(
     assert least <= sum(laid) <= most
 
 
+@pytest.mark.parametrize(("yaw_rate", "period_s", "farther"), [(0.0, 0.0, True), (3.0, 0.0, False), (3.0, 1e-4, True)])
+def test_what_a_turn_blurs_is_not_laid(stops: list[Stop], yaw_rate: float, period_s: float, farther: bool) -> None:
+    """At 3 rad/s and with beams that nobody has timed, a return at 5 m may stand 0.15 m beside its place."""
+    alignment, scans = (
+        Alignment(settings_of(), MOUNT),
+        [replace(stop.scan, beam_period_s=period_s) for stop in stops[:3]],
+    )
+    for scan in scans:
+        alignment.refine(scan, replace(MOVED, yaw_rate_radps=yaw_rate))
+    assert alignment.laid is not None or not farther
+    seen = alignment._past[-1].beams
+    assert seen is not None
+    assert bool(np.nanmax(seen.ranges_m) > 5.1) is farther
+    assert np.nanmax(scans[-1].ranges_m[np.isfinite(scans[-1].ranges_m)]) > 6.0
+
+
 def test_wheels_that_may_err_by_more_than_things_lie_apart_are_corrected_at_any_rate() -> None:
     stops = drive_round(1, 0.2, MOUNT, 100_000_000)
     raw, better, alignment = refined(stops, settings_of())

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.measurements import Scan, uniform_bearings
-from slam.front_end.deskew import Twist, deskew, with_motion_noise
+from slam.front_end.deskew import UNTIMED_S, Twist, deskew, sharp_to_m, with_motion_noise
 from slam.observations import Features
 from slam.pose import Pose2
 from tests.support.examples import examples
@@ -49,6 +49,17 @@ def test_a_rover_at_rest_changes_no_measurement() -> None:
     beams = deskew(Scan(0, ranges, BEARINGS, 0.002, 0, 60.0), Twist(), Pose2(0.3, 0.0, 0.0), 0.1, 60.0)
     np.testing.assert_array_equal(beams.ranges_m, ranges.astype(np.float64))
     np.testing.assert_array_equal(beams.bearings_rad, BEARINGS)
+
+
+@pytest.mark.parametrize(
+    ("period_s", "yaw_rate", "expected_m"),
+    [(0.0, 0.5, 30.0), (0.0, -0.5, 30.0), (0.0, 0.0, math.inf), (0.002, 0.5, math.inf), (-0.002, 0.5, math.inf)],
+)
+def test_returns_blur_with_range_where_the_rover_turns_and_nobody_knows_when_each_was_taken(
+    period_s: float, yaw_rate: float, expected_m: float
+) -> None:
+    scan = Scan(0, np.full(41, 5.0, dtype=np.float32), BEARINGS, period_s, 0, 60.0)
+    assert sharp_to_m(scan, Twist(1.0, 0.0, yaw_rate), 30.0 * 0.5 * UNTIMED_S) == pytest.approx(expected_m)
 
 
 def test_what_is_no_measurement_becomes_no_return() -> None:
