@@ -21,7 +21,8 @@ SHORT_RANGE_MM = 4094  # MS saturates one above
 LATE_NS = 100_000_000
 FUTURE_NS = 2_000_000
 FROZEN_BEAMS = 50  # so many valid ranges cannot repeat to the millimetre by chance
-USELESS_STAMPS = 6  # in a row that stand still or jump: the stream has been asked for anew three times and more
+USELESS_STAMPS = 4  # that stand still or jump: twice away and back, and the stream has been asked for anew as often
+FORGIVING_SCANS = 100  # with good stamps in a row, after which those before count no more
 RATE_SCANS = 11
 SLOW_SHARE = 0.75
 
@@ -69,7 +70,7 @@ class ScanAssembly:
         self._arrivals: deque[int] = deque(maxlen=RATE_SCANS)
         self._last_codes: CodeArray | None = None
         self._repeats = 0
-        self._damaged = self._useless_stamps = 0
+        self._damaged = self._useless_stamps = self._good_stamps = 0
         self._is_slow = False
         self.rate_hz = 0.0
         self.last_stamp_ns: int | None = None
@@ -148,16 +149,21 @@ class ScanAssembly:
     def _observe(self, arrival_ns: int, data: ScanData) -> bool:
         """Tell the clock of a stamp; False where it is that of the scan before."""
         reading = self._clock.observe(data.counter_ms, arrival_ns, self._nominal_delay_ns, data.time.fraction_us)
-        self._useless_stamps = 0 if reading is CounterStatus.GOOD else self._useless_stamps + 1
-        if self._useless_stamps == USELESS_STAMPS:
-            text = "the stamps of the laser's scans stand still or jump; the time of arrival is used from now on"
-            self._events.add(arrival_ns, "useless_stamps", text)
+        self._count_useless(arrival_ns, reading is CounterStatus.GOOD)
         if reading is CounterStatus.STALE:
             self._events.add(arrival_ns, "stale_stamp", "scan dropped: it has the same stamp as the one before")
         elif reading is CounterStatus.RESTARTED:
             self.clock_restarted = True
             self._events.add(arrival_ns, "clock_restarts", "the laser's clock restarted from zero")
         return reading is not CounterStatus.STALE
+
+    def _count_useless(self, arrival_ns: int, is_good: bool) -> None:
+        """Give the stamps up, for this connection, where too many of them are not those of a clock."""
+        self._good_stamps = self._good_stamps + 1 if is_good else 0
+        self._useless_stamps = 0 if self._good_stamps >= FORGIVING_SCANS else self._useless_stamps + (not is_good)
+        if not is_good and self._useless_stamps == USELESS_STAMPS:
+            text = "the stamps of the laser's scans stand still or jump; the time of arrival is used from now on"
+            self._events.add(arrival_ns, "useless_stamps", text)
 
     def _clock_stamp_ns(self, arrival_ns: int) -> int:
         """Of the first beam, by the laser's clock."""

@@ -1,5 +1,6 @@
 """What every bridge does: hands a rover's messages to the writers of another world, with a grid made of them."""
 
+import math
 import threading
 import time
 from collections import Counter
@@ -22,6 +23,7 @@ from runtime.settings.configuration import load_configuration_text
 
 WAKE_S = 0.2
 GRID_S = 2.0
+TOLD_S = 1.0  # from one pose that is heard to the next: nobody clicks faster
 SCAN_S = 0.5  # from one scan that counts in the grid to the next
 
 
@@ -42,6 +44,7 @@ class Bridge:
         self.sent: Counter[str] = Counter()
         self.troubles: dict[str, str] = {}
         self.answers: SimpleQueue[str] = SimpleQueue()
+        self._next_told_s, self._told_once = -math.inf, True
 
     def take(self, message: Message) -> None:
         """A message of the rover, or one that was made here."""
@@ -55,8 +58,14 @@ class Bridge:
         writer.write(data)
         self.sent[topic.name] += 1
 
-    def tell(self, message: Any, follower: Follower) -> None:
-        """A pose that somebody in ROS 2 says the rover has, to the rover."""
+    def tell(self, message: Any, follower: Follower, now_s: float) -> None:
+        """A pose that somebody in ROS 2 says the rover has, to the rover; one a second, and a flood is said."""
+        if now_s < self._next_told_s:
+            if self._told_once:
+                self.answers.put(f"a pose on {INITIAL_POSE.name} is ignored: it came within {TOLD_S:g} s of another")
+            self._told_once = False
+            return
+        self._next_told_s, self._told_once = now_s + TOLD_S, True
         try:
             words = words_of(message, self._frames)
         except ValueError as error:
@@ -96,7 +105,7 @@ def run_bridge(
             next_grid_s = now_s + GRID_S
             bridge.take(Message(MADE, grid_bytes(grid.grid.grid_map(), time.time_ns())))
         if (pose := told_pose()) is not None:
-            bridge.tell(pose, follower)
+            bridge.tell(pose, follower, now_s)
         while not bridge.answers.empty():
             said.write(f"infant: {bridge.answers.get()}\n")
         troubles = [*bridge.troubles.values(), *(() if grid is None else grid.troubles.values())]

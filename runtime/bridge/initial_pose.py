@@ -11,6 +11,7 @@ from runtime.ros2.poses import POSE
 from runtime.ros2.vehicle import Frames
 
 INITIAL_POSE = BridgedTopic("initial_pose", "/initialpose", POSE)
+OFF_UNIT = 0.01  # as tf2 allows; of a quaternion of another length, such as all zeros, the yaw would be wrong
 MAP_FRAMES = ("", "map")  # RViz sends the fixed frame that it shows; nodes without a prefix know the map by this name
 
 
@@ -24,6 +25,9 @@ def words_of(message: Any, frames: Frames) -> str:
     if frame not in (*MAP_FRAMES, frames("map")):
         raise ValueError(f"is in the frame {frame!r}, expected {frames('map')!r}; set the fixed frame of RViz to it")
     at, turn = message.pose.pose.position, message.pose.pose.orientation
+    length_squared = turn.x * turn.x + turn.y * turn.y + turn.z * turn.z + turn.w * turn.w
+    if not abs(length_squared - 1.0) < OFF_UNIT:
+        raise ValueError(f"has a quaternion whose length squared is {length_squared:.3g}, expected 1; normalise it")
     yaw_rad = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y * turn.y + turn.z * turn.z))
     covariance = np.array(message.pose.covariance, dtype=np.float64).reshape(6, 6)
     words = [at.x, at.y, yaw_rad]

@@ -18,6 +18,7 @@ import re
 import signal
 import sys
 import threading
+import time
 from contextlib import suppress
 from importlib import import_module
 from typing import Any
@@ -37,7 +38,10 @@ TOPICS = {  # last word of the key: topic, type, reliable, latched, depth
 WAKE_S = 0.2
 ASK_S = 2.0
 INITIAL_POSE = ("initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped")
+TOLD_S = 1.0  # from one pose that is heard to the next
+OFF_UNIT = 0.01  # of a quaternion's length squared
 ANSWER_BYTES = 10_000
+LARGEST_HEARD, MOST_WAITING_BYTES = 2 << 20, 32 << 20  # of one message, and of all that wait
 
 
 def arguments() -> argparse.Namespace:
@@ -84,12 +88,15 @@ def rename(message: Any, prefix: str) -> None:
 def words_of(message: Any, prefix: str) -> str:
     """X,Y,YAW,SIGMA_M,SIGMA_RAD of a pose in the map; without the last two where its covariance is zero.
 
-    Raises ValueError with a sentence where the frame is another one.
+    Raises ValueError with a sentence where the frame is another one, or the quaternion is none of a rotation.
     """
     frame, map_frame = str(message.header.frame_id).lstrip("/"), prefix + "/map" if prefix else "map"
     if frame not in ("", "map", map_frame):
         raise ValueError("is in the frame " + repr(frame) + ", expected " + repr(map_frame))
     at, turn = message.pose.pose.position, message.pose.pose.orientation
+    length_squared = turn.x * turn.x + turn.y * turn.y + turn.z * turn.z + turn.w * turn.w
+    if not abs(length_squared - 1.0) < OFF_UNIT:
+        raise ValueError("has a quaternion whose length squared is " + f"{length_squared:.3g}" + ", expected 1")
     yaw = math.atan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y * turn.y + turn.z * turn.z))
     words, spread = [at.x, at.y, yaw], [float(value) for value in message.pose.covariance]
     if any(spread) and all(map(math.isfinite, spread)):
@@ -125,6 +132,7 @@ class Bridge:
 
         self.prefix = prefix
         self.publishers: dict[str, tuple[Any, Any]] = {}
+        self.troubles: set[str] = set()
         for key, (topic, type_name, reliable, latched, depth) in TOPICS.items():
             kind = message_class(type_name)
             if kind is None:
@@ -136,7 +144,15 @@ class Bridge:
             self.publishers[key] = (kind, node.create_publisher(kind, topic, qos))
 
     def send(self, key: str, data: bytes) -> None:
-        """Publish one message."""
+        """Publish one message; one that no rover sends is left out, and said once for each key."""
+        try:
+            self._send(key, data)
+        except Exception as error:  # noqa: BLE001 whatever ROS makes of foreign bytes
+            if key not in self.troubles:
+                self.troubles.add(key)
+                sys.stderr.write("a " + key + " that no rover sends is left out: " + ascii(str(error)[:200]) + "\n")
+
+    def _send(self, key: str, data: bytes) -> None:
         from rclpy.serialization import deserialize_message  # type: ignore[import-not-found]
 
         kind, publisher = self.publishers[key]
@@ -154,6 +170,7 @@ def session_of(zenoh: Any, options: argparse.Namespace) -> Any:
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", '["' + options.connect + '"]')
     config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("transport/link/rx/max_message_size", str(MOST_WAITING_BYTES))
     config.insert_json5("connect/retry", "{period_init_ms:500,period_max_ms:1000,period_increase_factor:2}")
     try:
         return zenoh.open(config)
@@ -170,7 +187,13 @@ def follow(zenoh: Any, session: Any, rover: str, node: Any, bridge: Bridge, stop
     def ask(words: str) -> None:
         sys.stderr.write("initial pose " + words + ": " + tell(session, rover, words) + "\n")
 
+    next_told_s = 0.0
+
     def told(message: Any) -> None:
+        nonlocal next_told_s
+        if time.monotonic() < next_told_s:
+            return  # a flood would be a thread for each
+        next_told_s = time.monotonic() + TOLD_S
         try:
             words = words_of(message, bridge.prefix)
         except ValueError as error:
@@ -181,13 +204,16 @@ def follow(zenoh: Any, session: Any, rover: str, node: Any, bridge: Bridge, stop
     topic, type_name = INITIAL_POSE
     node.create_subscription(message_class(type_name), topic, told, 1)
     waiting: queue.Queue[tuple[str, bytes]] = queue.Queue(500)
-    came = threading.Event()
+    came, counting = threading.Event(), threading.Lock()
     below = "infant/" + rover + "/"
 
     def into(key: str) -> Any:
         def keep(sample: Any) -> None:
-            if not waiting.full():
-                waiting.put((key, sample.payload.to_bytes()))
+            with counting:
+                waiting_bytes = sum(len(data) for _, data in waiting.queue)
+                size = len(sample.payload)
+                if not waiting.full() and size <= LARGEST_HEARD and waiting_bytes + size <= MOST_WAITING_BYTES:
+                    waiting.put((key, sample.payload.to_bytes()))
 
         return zenoh.handlers.Callback(keep, indirect=False)
 
@@ -202,7 +228,7 @@ def follow(zenoh: Any, session: Any, rover: str, node: Any, bridge: Bridge, stop
         if came.is_set() and "tf_static" in bridge.publishers:
             came.clear()
             for reply in session.get(below + "tf_static", timeout=ASK_S):
-                if reply.ok is not None:
+                if reply.ok is not None and len(reply.ok.payload) <= LARGEST_HEARD:
                     bridge.send("tf_static", reply.ok.payload.to_bytes())
         rclpy.spin_once(node, timeout_sec=0.0)
         with suppress(queue.Empty):

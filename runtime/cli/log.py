@@ -2,11 +2,11 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from runtime.cli.output import say, say_json
+from runtime.cli.output import answer, say, say_json
 from runtime.cli.progress import AsJson, busy
 
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="folder of a run", show_default=False)]
@@ -17,12 +17,15 @@ def info(run: Run, as_json: AsJson = False) -> None:
     from runtime.record.check import run_info
 
     facts = run_info(run)
-    if as_json:
-        say_json(facts)
-        return
-    say(f"run       {facts['run']}  {facts['source']}  {facts['created_utc']}  {facts['bytes'] / 1e6:.1f} MB")
-    say(f"version   infant {facts['versions'].get('infant', 'unknown')}")
-    say(f"manifest  {facts['manifest']}")
+    answer(facts, _info_lines(facts), as_json)
+
+
+def _info_lines(facts: dict[str, Any]) -> list[str]:
+    lines = [
+        f"run       {facts['run']}  {facts['source']}  {facts['created_utc']}  {facts['bytes'] / 1e6:.1f} MB",
+        f"version   infant {facts['versions'].get('infant', 'unknown')}",
+        f"manifest  {facts['manifest']}",
+    ]
     start_s = min((each["from_s"] for each in facts["segments"] if each["from_s"] is not None), default=0.0)
     for segment in facts["segments"]:
         from_s, to_s = segment["from_s"], segment["to_s"]
@@ -30,11 +33,9 @@ def info(run: Run, as_json: AsJson = False) -> None:
         ticks = "" if segment["ticks"] is None else f"  {segment['ticks']} ticks"
         marked = "  marked" if segment["marked"] else ""
         size = f"{segment['bytes'] / 1e6:.2f} MB"
-        say(f"segment   {segment['name']}  {segment['state']}  {size}{ticks}{span}{marked}")
-    for name, reason in facts["gone"].items():
-        say(f"gone      {name}: {reason}")
-    for reason in facts["marks"]:
-        say(f"mark      {reason}")
+        lines.append(f"segment   {segment['name']}  {segment['state']}  {size}{ticks}{span}{marked}")
+    lines += [f"gone      {name}: {reason}" for name, reason in facts["gone"].items()]
+    return lines + [f"mark      {reason}" for reason in facts["marks"]]
 
 
 def verify(run: Run, as_json: AsJson = False) -> None:
@@ -53,15 +54,12 @@ def verify(run: Run, as_json: AsJson = False) -> None:
             f"{run} differs from what was written ({len(found.damages)} finding(s)); infant log recover "
             "writes what is intact into a new run"
         )
-    if as_json:
-        say_json({"run": str(run), "whole": not found.damages} | asdict(found), error)
-    else:
-        for kind, sentences in (("gap", found.gaps), ("damage", found.damages)):
-            for sentence in sentences:
-                say(f"{kind:9s} {sentence}")
-        say(f"read      {found.ticks} ticks in {found.segments} segment(s), {len(found.gaps)} gap(s)")
-        if not found.damages and not found.gaps:
-            say("intact    every byte is as it was written")
+    lines = [f"gap       {sentence}" for sentence in found.gaps]
+    lines += [f"damage    {sentence}" for sentence in found.damages]
+    lines.append(f"read      {found.ticks} ticks in {found.segments} segment(s), {len(found.gaps)} gap(s)")
+    if not found.damages and not found.gaps:
+        lines.append("intact    every byte is as it was written")
+    answer({"run": str(run), "whole": not found.damages} | asdict(found), lines, as_json, error)
     if error is not None:
         raise error
 
@@ -78,12 +76,8 @@ def recover(
     RunFolder.open(run)
     with busy("recover"):
         result = recover_run(run, RunFolder.create(out, out.parent))
-    if as_json:
-        say_json(result)
-        return
-    for sentence in result["losses"]:
-        say(f"lost      {sentence}")
-    say(f"run       {result['out']}  {result['ticks']} ticks")
+    lines = [f"lost      {sentence}" for sentence in result["losses"]]
+    answer(result, [*lines, f"run       {result['out']}  {result['ticks']} ticks"], as_json)
 
 
 def mark(

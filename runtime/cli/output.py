@@ -2,8 +2,9 @@
 
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextvars import ContextVar
+from itertools import groupby
 from typing import Any
 
 import typer
@@ -11,7 +12,8 @@ import typer
 from runtime.errors import InfantError
 from runtime.printable import coloured, printable
 
-WHOLE = 1 << 30  # characters: lines are not cut here
+LONGEST_LINE = 10_000  # characters
+MOST_ALIKE = 40  # lines in a row that begin with the same word, such as the marks of a run; the rest is counted
 
 _ANSWERED: ContextVar[bool] = ContextVar("answered", default=False)
 
@@ -27,14 +29,24 @@ def has_answered() -> bool:
 
 
 def say(*lines: str, err: bool = False) -> None:
-    """Print lines; each stays one."""
-    typer.echo("\n".join(printable(line, WHOLE) for line in lines), err=err)
+    """Print lines; each stays one, and no list fills the terminal: --json has it whole."""
+    typer.echo("\n".join(printable(line, LONGEST_LINE) for line in bounded(lines)), err=err)
 
 
 def say_states(*lines: str) -> None:
     """Lines that name a state, in colour where that is a terminal whose user has nothing against it."""
-    shown = [printable(line, WHOLE) for line in lines]
+    shown = [printable(line, LONGEST_LINE) for line in lines]
     typer.echo("\n".join(shown if "NO_COLOR" in os.environ else map(coloured, shown)))  # strips them elsewhere
+
+
+def bounded(lines: Iterable[str]) -> Iterator[str]:
+    """Of each list, that is of lines in a row that begin with the same word, the first ones and how many follow."""
+    for word, group in groupby(lines, lambda line: line.partition(" ")[0]):
+        alike = list(group)
+        is_list = bool(word) and len(alike) > MOST_ALIKE
+        yield from alike[:MOST_ALIKE] if is_list else alike
+        if is_list:
+            yield f"{word:9s} ... and {len(alike) - MOST_ALIKE} more; --json shows all"
 
 
 def error_object(reason: str, exit_code: int) -> dict[str, Any]:

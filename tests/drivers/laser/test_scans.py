@@ -182,3 +182,24 @@ def test_stamps_that_stand_still_or_jump_are_given_up_for_the_time_of_arrival(ar
     assert (np.diff(stamps_ns) == PERIOD_MS * 1_000_000).all()
     assert abs(stamps_ns[-1] - PERIOD_MS * 39 * 1_000_000) < 60_000_000
     assert bench.events.counters["useless_stamps"] == 1
+
+
+def test_stamps_of_which_every_seventh_is_three_seconds_back_are_given_up_after_two_failures() -> None:
+    bench, restarts, taken = Bench(), 0, []
+    for number in range(200):
+        back_ms = 3000 if number % 7 == 6 else 0
+        taken.append(bench.take(number, bench.message(number, None, 10_000 + PERIOD_MS * number - back_ms)))
+        restarts += bench.assembly.clock_restarted
+        bench.assembly.clock_restarted = False
+    assert restarts == scans.USELESS_STAMPS
+    assert bench.events.counters["useless_stamps"] == 1
+    assert all(scan is not None for scan in taken[30:])
+
+
+def test_a_restart_of_the_laser_now_and_then_leaves_its_stamps_in_use() -> None:
+    bench = Bench()
+    for number in range(10 * scans.FORGIVING_SCANS):
+        since_ms = PERIOD_MS * (number % (scans.FORGIVING_SCANS + 10))
+        bench.take(number, bench.message(number, None, since_ms))
+    assert bench.events.counters["clock_restarts"] == 9
+    assert bench.events.counters["useless_stamps"] == 0

@@ -2,7 +2,6 @@
 
 import io
 import threading
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from queue import SimpleQueue
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 
 from runtime.bridge import rclpy_node
+from runtime.bridge.bridge import Bridge
 from runtime.bridge.initial_pose import words_of
 from runtime.bridge.ros2 import BridgeOptions, bridge_ros2
 from runtime.commands import Command, command_of, parse_prior
@@ -48,15 +48,37 @@ def test_a_click_says_where_the_rover_is_and_how_well_that_is_known(frame: str) 
     assert by_default.sigma_m == parse_prior("0,0,0").sigma_m
 
 
-@pytest.mark.parametrize("value", [1e200, -1e308, float("inf"), float("nan")])
-def test_no_quaternion_ends_the_bridge(value: float) -> None:
-    """1e200 did: its square raises an OverflowError, which is no ValueError."""
+@pytest.mark.parametrize("value", [0.0, 1.0, 1e200, -1e308, float("inf"), float("nan")])
+def test_a_quaternion_that_is_no_rotation_is_refused_in_one_sentence(value: float) -> None:
+    """1e200 ended the bridge; zeros were yaw 0, and (0, 0, 1, 1) was 135 degrees instead of 90."""
     odd = message()
     for axis in "xyzw":
         setattr(odd.pose.pose.orientation, axis, value)
-    with suppress(ValueError):
-        parse_prior(words_of(odd, Frames("r1")))
-    assert rclpy_node.words_of(odd, "r1")
+    with pytest.raises(ValueError, match=r"has a quaternion whose length squared is .*, expected 1"):
+        words_of(odd, Frames("r1"))
+    with pytest.raises(ValueError, match=r"has a quaternion whose length squared is .*, expected 1"):
+        rclpy_node.words_of(odd, "r1")
+
+
+def test_of_a_flood_of_poses_one_a_second_is_told_to_the_rover() -> None:
+    """The rover would search for each, and a terminal would show nothing else."""
+    told: list[str] = []
+    follower: Any = SimpleNamespace(command=lambda command, words, heard: told.append(words))
+    bridge = Bridge({}, Frames("r1"))
+    for number in range(3000):
+        bridge.tell(message(x=float(number)), follower, number * 0.001)
+    assert [words.split(",")[0] for words in told] == ["0", "1000", "2000"]
+    said = [bridge.answers.get() for _ in range(bridge.answers.qsize())]
+    assert said == ["a pose on /initialpose is ignored: it came within 1 s of another"] * 3
+
+
+def test_a_message_that_ros_cannot_read_ends_no_node(capsys: pytest.CaptureFixture[str]) -> None:
+    """There is no ROS here: that rclpy is missing stands for whatever it raises."""
+    bridge = rclpy_node.Bridge.__new__(rclpy_node.Bridge)
+    bridge.prefix, bridge.publishers, bridge.troubles = "r1", {}, set()
+    for _ in range(3):
+        bridge.send("pose", b"\x1b")
+    assert capsys.readouterr().err.count("a pose that no rover sends is left out: ") == 1
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,9 @@ from typer.testing import CliRunner, Result
 from runtime.cli.__main__ import app
 from runtime.errors import NotARunError, RunExistsError, StorageError
 from runtime.record.folder import RunFolder
+from runtime.record.manifest import Manifest
 from tests.runtime.record.test_segments import Drive, driven
+from tests.support.runtime.hostile_runs import write_manifest
 
 
 def infant(*words: str | Path) -> Result:
@@ -86,6 +88,17 @@ def test_a_mark_is_shown_by_info(run: RunFolder) -> None:
     said = infant("log", "info", run.path).stdout
     assert "mark      a branch on the laser" in said
     assert said.count("  marked") == 4
+
+
+def test_fifty_thousand_marks_do_not_fill_the_terminal(run: RunFolder) -> None:
+    marks = [{"kind": "mark", "from_ns": 0, "to_ns": 1, "reason": f"mark {number}"} for number in range(50_000)]
+    manifest = Manifest.load(run.manifest_path)
+    lines = [{k: v for k, v in line.items() if k != "chain"} for line in manifest.lines]
+    write_manifest(run.path, *lines, *marks)
+    said = infant("log", "info", run.path).stdout
+    assert len(said.splitlines()) < 100
+    assert "mark      ... and 49960 more; --json shows all" in said
+    assert len(json.loads(infant("log", "info", run.path, "--json").stdout)["marks"]) == 50_000
 
 
 def test_what_is_no_run_is_one_sentence(tmp_path: Path) -> None:

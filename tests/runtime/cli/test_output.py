@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from runtime.cli.__main__ import app
 from runtime.cli.live import stop_on_signals
-from runtime.cli.output import answer, say
+from runtime.cli.output import LONGEST_LINE, MOST_ALIKE, answer, say
 from runtime.source_tree import ROOT
 from tests.support.runtime.hostile_runs import write_manifest
 from tests.support.runtime.seeded_runs import seeded_facts
@@ -25,6 +25,16 @@ def test_a_line_stays_one_line_and_json_stays_json(capsys: pytest.CaptureFixture
     said = capsys.readouterr().out
     assert said[:-1].isprintable()
     assert json.loads(said) == {"reason": "\x1b\x7f\n"}
+
+
+def test_a_long_list_is_cut_and_counted_and_what_is_after_it_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    answer({}, ["run       x", *(f"mark      {number}" for number in range(100_000)), "end"], as_json=False)
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "run       x"
+    assert said[1 : MOST_ALIKE + 1] == [f"mark      {number}" for number in range(MOST_ALIKE)]
+    assert said[MOST_ALIKE + 1 :] == [f"mark      ... and {100_000 - MOST_ALIKE} more; --json shows all", "end"]
+    say("x" * 1_000_000)
+    assert len(capsys.readouterr().out) < LONGEST_LINE + 100
 
 
 @pytest.mark.parametrize(("unwanted", "begins"), [({}, b"\x1b[32mPASS\x1b[0m conf"), ({"NO_COLOR": "1"}, b"PASS conf")])
