@@ -18,6 +18,7 @@ from runtime.record.mcap_prefix import McapPrefix
 
 Metadata = Mapping[str, Mapping[str, str]]
 FAR_NS = 1 << 62
+MOST_MARKS = 500  # each with its reason; a person leaves some dozens
 REMOVED = "run.mcap was removed while being written"
 
 
@@ -57,9 +58,15 @@ class Segments:
         return self._file.chunk_bytes if self._file is not None else 0
 
     def mark(self, reason: str) -> None:
-        """Preserve this moment: the segment at hand, the one before and the one after. On disk with the next write."""
-        now_ns = self._now_ns()
-        facts = {"from_ns": now_ns - self._segment_ns, "to_ns": now_ns + self._segment_ns}
+        """Preserve this moment: the segment at hand, the one before and the one after. On disk with the next write.
+
+        Of very many, all but one a segment have their reason in the log only: the manifest is written anew for each.
+        """
+        now_ns, marks = self._now_ns(), self.manifest.marks
+        if len(marks) >= MOST_MARKS and now_ns - marks[-1]["stamp_ns"] < self._segment_ns:
+            return
+        segments = 1 if len(marks) + 1 < MOST_MARKS else 2  # for those that come within the next one
+        facts = {"from_ns": now_ns - self._segment_ns, "to_ns": now_ns + segments * self._segment_ns}
         self.manifest.add("mark", stamp_ns=now_ns, **facts, reason=reason)
 
     def end_segment(self) -> None:

@@ -11,9 +11,10 @@ from runtime.record.folder import RunFolder
 from runtime.record.header import RunHeader
 from runtime.record.manifest import Manifest
 from runtime.record.marks import LONGEST_REASON, MOST_MARKS, leave_mark, take_marks
+from runtime.record.segments import MOST_MARKS as KEPT_MARKS
 from runtime.record.writing.storage import SYNC_NS, Storage
 from runtime.settings.record import RecordSettings
-from tests.runtime.record.test_segments import Drive, driven
+from tests.runtime.record.test_segments import SEGMENT_TICKS, Drive, driven
 
 
 def test_what_is_no_small_file_is_a_mark_without_words(tmp_path: Path) -> None:
@@ -69,3 +70,20 @@ def test_a_manifest_of_the_longest_marks_is_read_again(tmp_path: Path) -> None:
     folder = driven(tmp_path / "run")
     assert leave_mark(folder, "\U0001f333" * LONGEST_REASON)
     assert Manifest.load(folder.manifest_path).damage == ""
+
+
+def test_a_flood_of_marks_keeps_what_it_marks_and_the_manifest_small(tmp_path: Path) -> None:
+    """Whoever may command could leave 100 a second: after some minutes the manifest was larger than it may be."""
+    drive = Drive(tmp_path / "run")
+    drive.run(SEGMENT_TICKS // 2)
+    for number in range(20 * KEPT_MARKS):
+        drive.segments.mark(f"\U0001f333 {number}")
+        if number % 100 == 0:
+            drive.run(1)
+    drive.run(4 * SEGMENT_TICKS)
+    folder = drive.end()
+    manifest = Manifest.load(folder.manifest_path)
+    assert manifest.damage == ""
+    assert KEPT_MARKS <= len(manifest.marks) < KEPT_MARKS + 20
+    names = [path.name for path in folder.segment_paths()]
+    assert manifest.marked(names[:11]) == set(names[:11])
