@@ -8,10 +8,13 @@ import errno
 import os
 import secrets
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from runtime.errors import UsageError
 
 FOLDER_FLAGS = os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC
 WRITE_FLAGS = os.O_WRONLY | os.O_NOFOLLOW | os.O_CLOEXEC
@@ -95,6 +98,7 @@ def _is_of_another(status: os.stat_result) -> bool:
 @contextmanager
 def _replacing(path: Path) -> Iterator[tuple[int, str]]:
     """Descriptor of the folder, and the name of a new file in it, which nobody can foresee."""
+    _refuse_device(path)
     folder = os.open(path.parent, FOLDER_FLAGS)
     name = f".{path.name}.{secrets.token_hex(8)}.unfinished"
     try:
@@ -119,6 +123,21 @@ def _sync_file(name: str, folder: int) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _refuse_device(path: Path) -> None:
+    """Raises OSError where a file would take the place of what programs of all users write to, such as /dev/null."""
+    with suppress(FileNotFoundError):
+        is_link = path.is_symlink() and os.readlink(path).startswith(("/proc/", "/dev/"))
+        if is_link or stat.S_IFMT(os.lstat(path).st_mode) not in (stat.S_IFREG, stat.S_IFLNK, stat.S_IFDIR):
+            raise OSError(errno.EEXIST, "it is a device or a pipe, which no file may replace", str(path))
+
+
+def beside(page: Path, suffix: str) -> Path:
+    """A file of the same name as a page, with another suffix. Raises UsageError where it has no name for that."""
+    if not page.name or page.suffix == suffix:
+        raise UsageError(f"--out {page}: expected the name of an HTML file; give one, for example report.html")
+    return page.with_suffix(suffix)
 
 
 def refuse_link(path: Path) -> None:

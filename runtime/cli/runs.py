@@ -138,13 +138,14 @@ def review(
     as_json: AsJson = False,
 ) -> None:
     """Write report.html and report.json with findings, and draw review.rrd again."""
+    from runtime.atomic_write import beside
     from runtime.record.reader import RunReader
     from runtime.record.room import is_being_written
     from runtime.record.trajectories import with_estimates
     from runtime.review.rebuild import drawn_meanwhile
 
     folder = with_estimates(RunReader(run)).folder
-    drawn = folder.review_path if out is None else out.with_suffix(".rrd")
+    drawn = folder.review_path if out is None else beside(out, ".rrd")
     recording = is_being_written(folder.mcap_path)  # whoever records a run draws it too
     with busy("judge and draw"), nullcontext() if recording else drawn_meanwhile(folder.path, drawn) as finish:
         from runtime.report.build import build_report, is_as_grave, report_lines  # 0.5 s, while the other one begins

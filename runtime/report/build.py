@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.measurements import Severity
-from runtime.atomic_write import atomic_write
+from runtime.atomic_write import atomic_write, beside
 from runtime.errors import StorageError
 from runtime.record.folder import RunFolder
 from runtime.report.facts import RunFacts
@@ -35,10 +35,9 @@ def build_report(run: Path, out: Path | None = None) -> dict[str, Any]:
     out: an HTML file elsewhere, with the other beside it; None: into the run.
     Raises NotARunError, ConfigurationError, UsageError (an import without a replay), StorageError.
     """
-    folder = RunFolder.open(run)
+    html = RunFolder.open(run).path / HTML_NAME if out is None else out
+    data = beside(html, ".json")
     examined = examine(run)
-    html = folder.path / HTML_NAME if out is None else out
-    data = html.with_suffix(".json")
     for path, text in (
         (html, page(examined.facts, examined.findings, examined.figures)),
         (data, json.dumps(examined.figures, indent=1, default=float) + "\n"),

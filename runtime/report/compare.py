@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.atomic_write import atomic_write
+from runtime.atomic_write import atomic_write, beside
 from runtime.errors import StorageError
 from runtime.record.folder import RunFolder
 from runtime.report.build import examine
@@ -48,9 +48,10 @@ FIGURES = (
 
 def build_comparison(first: Path, second: Path, out: Path | None = None) -> dict[str, Any]:
     """Write the page (and its JSON beside it) and give the JSON. Raises as build_report does."""
+    page = out if out is not None else RunFolder.open(second).path / "compare.html"
+    data = beside(page, ".json")
     examined = examine(first), examine(second)
     facts = examined[0].facts, examined[1].facts
-    page = out if out is not None else RunFolder.open(second).path / "compare.html"
     result = {
         "runs": [str(first), str(second)],
         "verdicts": [one.figures["verdict"] for one in examined],
@@ -60,10 +61,10 @@ def build_comparison(first: Path, second: Path, out: Path | None = None) -> dict
         ],
         "findings": [[finding.title for finding in one.findings] for one in examined],
         "configuration": changed_keys(*facts),
-        "files": {"html": str(page), "json": str(page.with_suffix(".json"))},
+        "files": {"html": str(page), "json": str(data)},
     }
     _write(page, _page(facts, result))
-    _write(page.with_suffix(".json"), json.dumps(result, indent=1, default=float) + "\n")
+    _write(data, json.dumps(result, indent=1, default=float) + "\n")
     return result
 
 

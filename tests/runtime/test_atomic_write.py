@@ -1,11 +1,14 @@
 import os
+import socket
 from pathlib import Path
 
 import pytest
 
 from runtime.atomic_write import acting_as_owner, atomic_write, replacement
+from runtime.errors import UsageError
 from runtime.record.folder import RunFolder
 from runtime.record.manifest import Manifest
+from runtime.report.compare import build_comparison
 from runtime.setup.install import FileState, Plan, PlannedFile, apply
 
 PREDICTABLE = ("{}.unfinished", ".{}.unfinished", "{}.partial", "{}.tmp")
@@ -173,3 +176,29 @@ def test_a_library_gets_a_name_in_utf_8_whatever_the_folder_is_called(tmp_path: 
     assert (folder / "review.rrd").read_text() == "drawn"
     assert (folder / "report.html").read_text() == "of b\\udce4d"
     assert len(os.listdir(folder)) == 2
+
+
+def test_no_file_takes_the_place_of_a_device_a_pipe_or_a_link_to_one(folder: Path) -> None:
+    """As root, `infant compare A B --out /dev/null` put a page where every program of the machine writes to."""
+    os.mkfifo(folder / "pipe")
+    (folder / "stdout").symlink_to("/proc/self/fd/1")
+    (folder / "null").symlink_to("/dev/null")
+    with socket.socket(socket.AF_UNIX) as bound:
+        bound.bind(str(folder / "socket"))
+        for name in ("pipe", "stdout", "null", "socket"):
+            before = os.lstat(folder / name)
+            with pytest.raises(OSError, match="a device or a pipe, which no file may replace"):
+                atomic_write(folder / name, "new")
+            with (
+                pytest.raises(OSError, match="a device or a pipe, which no file may replace"),
+                replacement(folder / name) as path,
+            ):
+                path.write_text("new")
+            assert os.lstat(folder / name).st_ino == before.st_ino
+    assert len(list(folder.iterdir())) == 4
+
+
+@pytest.mark.parametrize("name", [".", "/", "report.json"])
+def test_a_page_without_a_name_of_its_own_is_refused_before_the_work(name: str) -> None:
+    with pytest.raises(UsageError, match="expected the name of an HTML file"):
+        build_comparison(Path("nothing"), Path("nothing"), Path(name))
