@@ -131,8 +131,7 @@ def review(
         typer.Option("--fail-on", help="exit with code 1 if there is a finding of this severity or above, for CI"),
     ] = None,
     out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="FILE.html", help="file to write; default: in the run"),
+        Path | None, typer.Option("--out", metavar="FILE.html", help="file to write; default: in the run")
     ] = None,
     allow_defects: AllowDefects = False,
     as_json: AsJson = False,
