@@ -91,6 +91,9 @@ class FeatureRows(NamedTuple):
     order: IntArray
 
 
+LASTING_M, LEAST_STEP_M = 1.0, 0.05  # on this way a thing is seen from one side; a look adds no less than the latter
+SMALLEST = 1e-12
+
 _NONE, _NO_NUMBERS = np.zeros(0), np.zeros(0, dtype=np.int64)
 NO_FEATURES = FeatureRows(
     *(_NONE, _NONE, _NONE, _NONE, _NONE, _NONE, _NONE),
@@ -128,6 +131,25 @@ def usable_rows(features: Features, range_max_m: float, mount_yaw_rad: float) ->
         usable,
         np.argsort(ranges, kind="stable"),
     )
+
+
+def as_repeated(
+    rows: FeatureRows, matched: IntArray, off_squares: FloatArray, way_m: float, lasting: tuple[float, float]
+) -> FeatureRows:
+    """Rows of which the matched ones (k,) are so uncertain that all looks on LASTING_M of way tell as much as one.
+
+    off_squares (k,) m^2: how far each may lie from where it should be seen, or does; where that is more than what
+    lasts, it is looked at anew. way_m: since the looks before. lasting: the part of the error, standard deviations of
+    range and bearing, that stays the same on that way: which edge of a thing is seen, and between which beams.
+    """
+    rr, bb = rows.rr.copy(), rows.bb.copy()
+    along, across = np.minimum(lasting[0] ** 2, rr[matched]), np.minimum(lasting[1] ** 2, bb[matched])
+    square_m = along + rows.ranges_m[matched] ** 2 * across
+    more = (LASTING_M / min(max(way_m, LEAST_STEP_M), LASTING_M) - 1.0) * square_m
+    more = more / np.maximum(np.maximum(square_m, off_squares), SMALLEST)
+    rr[matched] += more * along
+    bb[matched] += more * across
+    return rows._replace(rr=rr, bb=bb)
 
 
 def verdicts_of_all(rows: FeatureRows, verdicts: IntArray, count: int) -> IntArray:

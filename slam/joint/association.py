@@ -129,6 +129,21 @@ def expected_within(joint: JointArrays, places: IntArray) -> FloatArray:
 
 
 @kernel
+def off_squares(joint: JointArrays, places: IntArray, matched: IntArray, features: FeatureRows) -> FloatArray:
+    """(k,) m^2, how far features matched (k,) may lie from where their landmarks at places (k,) should be seen, by the
+    pose and the landmarks alone, or do, whichever is more.
+    """
+    squares = expected_within(joint, places) ** 2
+    for index in range(places.size):
+        at = places[index]
+        slope = slopes(joint.mean, joint.mount, joint.mean[at], joint.mean[at + 1])
+        along = features.ranges_m[matched[index]] - slope.range_m
+        across = slope.range_m * wrapped(features.bearings_rad[matched[index]] - slope.bearing_rad)
+        squares[index] = max(squares[index], along * along + across * across)
+    return squares
+
+
+@kernel
 def lie_near(joint: JointArrays, places: IntArray, features: FeatureRows, gate: float) -> BoolArray:
     """(k,) at which of the landmarks at places (k,) a feature lies within the gate, whatever it was matched with."""
     near = np.zeros(places.size, dtype=np.bool_)

@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.estimate import LandmarkMap
-from slam.joint.association import associate_by_hint, gates_of
+from slam.joint.association import associate_by_hint, gates_of, off_squares
 from slam.joint.atlas import AWAY
 from slam.joint.evidence import (
     CONFIDENT,
@@ -30,7 +30,7 @@ from slam.joint.measurement import FIRST_PLACE, JointArrays
 from slam.joint.neighbours import block, places_within, standing_double, update_existence
 from slam.joint.slip import associate_with_slip, undecided
 from slam.joint.state import MOST_IN_STATE, JointState
-from slam.observations import IDENTITIES_PER_SCAN, NEW, PENDING, FeatureRows
+from slam.observations import IDENTITIES_PER_SCAN, NEW, PENDING, FeatureRows, as_repeated
 from slam.pose import Pose2
 from slam.settings.joint import JointSettings
 from slam.settings.tuning import Tuning
@@ -66,14 +66,12 @@ class JointGaussian:
         self, settings: JointSettings, body_from_laser: Pose2, tuning: Tuning, variant: Variant = DECIDED
     ) -> None:
         self._variant = variant
-        self._mount = body_from_laser.as_array()
-        self._tuning = tuning
-        self._invariant = variant.jacobians == "invariant"
-        self._first = variant.jacobians == "first_estimates"
+        self._mount, self._tuning = body_from_laser.as_array(), tuning
+        self._invariant, self._first = (variant.jacobians == kind for kind in ("invariant", "first_estimates"))
         self._reach_m = self._tuning.range_max_m + self._tuning.range_margin_m
         self.state = JointState(settings, self._reach_m, self._tuning.cell_m)
         self._jump = np.zeros(2)
-        self._since_look_m = 0.0
+        self._since_look_m = self._way_m = 0.0
         self.after_miss = np.array((FIRST_LOOKS_AFTER_MISS, FIRST_FINDS_AFTER_MISS))
         self.keyframe_ends = np.zeros((0, 2), dtype=np.int64)
         self.scans = self.moves = self.refused = 0
@@ -154,7 +152,8 @@ class JointGaussian:
         self.moves += 1
         state, jump = self.state, self._jump
         if np.isfinite(mean).all() and np.isfinite(covariance).all():
-            self._since_look_m += math.hypot(mean[0], mean[1]) + abs(mean[2])
+            way_m = math.hypot(mean[0], mean[1]) + abs(mean[2])
+            self._since_look_m, self._way_m = self._since_look_m + way_m, self._way_m + way_m
             predict(state.mean, state.covariance, state.size, mean, covariance, float(jump[0]), float(jump[1]))
         else:
             self.refused += 1
@@ -190,10 +189,12 @@ class JointGaussian:
         if from_elsewhere:
             self._since_look_m = 0.0
         looked = (atlas.looks[near], atlas.finds[near], atlas.missed[near], self.after_miss.copy())
-        rates, in_view = DetectionRates(*looked, from_elsewhere), InView(places, settled, unsure)
-        self.evidence = score(self._arrays, in_view, features, chosen, sight, rates, self._tuning)
+        rates, in_view, tuning = DetectionRates(*looked, from_elsewhere), InView(places, settled, unsure), self._tuning
+        self.evidence = score(self._arrays, in_view, features, chosen, sight, rates, tuning)
         matched = np.flatnonzero(chosen >= 0)
-        self._update(places[chosen[matched]], matched, features)
+        found, way_m, self._way_m = places[chosen[matched]], self._way_m, 0.0
+        off = off_squares(self._arrays, found, matched, features)
+        self._update(found, matched, as_repeated(features, matched, off, way_m, tuning.lasting))
         verdicts = chosen.copy()
         verdicts[matched] = atlas.identities[near[chosen[matched]]]
         if not confidence.lost:
@@ -254,11 +255,10 @@ class JointGaussian:
 
     def _update(self, places: IntArray, matched: IntArray, features: FeatureRows) -> None:
         """Fold the matched (k,) features into the landmarks at places (k,) and the pose, all at once."""
+        state, before = self.state, self.state.mean[:2].copy()
         if len(places) == 0:
             self._jump[:] = 0.0
             return
-        state = self.state
-        before = state.mean[:2].copy()
         linearised_at = state.linearised_at if self._first else state.mean.copy()
         linearised_at[:3] = state.mean[:3]
         with state.frozen_kept():

@@ -11,7 +11,7 @@ from slam.settings.front_end import FrontEndSettings
 from slam.settings.joint import JointSettings
 from slam.settings.odometry import OdometrySettings
 from slam.settings.quality import QualitySettings
-from slam.settings.tuning import Proposal, Strategy, Tuning
+from slam.settings.tuning import LASTING, Proposal, Strategy, Tuning
 
 OFF_TO_COMPARE = "Turn it off only to compare: --without"
 Seen = TypeVar("Seen", Scan, ScanLike)
@@ -190,7 +190,7 @@ class SlamSettings(BaseModel):
 
     def tuning(self) -> Tuning:
         """The part that the compiled step needs. Exclusivity off means the printed simultaneous form."""
-        gates = self.gates
+        gates, reports = self.gates, self.front_end.kind == "given"
         strategy = Strategy[self.association.strategy.upper()]
         if strategy is Strategy.SEQUENTIAL and not self.techniques.exclusivity:
             strategy = Strategy.SIMULTANEOUS
@@ -205,4 +205,5 @@ class SlamSettings(BaseModel):
             match_per_metre_square=gates.match_per_metre,
             match_known_square=gates.match_known,
             **self.view.model_dump(),
+            lasting=(0.0, 0.0) if reports else LASTING,
         )

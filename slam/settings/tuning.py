@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 from slam.settings.sigma_points import ALPHA, BETA, UnscentedWeights, unscented_weights
 
+LASTING = 0.05, 0.01  # m and rad, sigmas of what a look at a thing has in common with the next one (decision 48)
+
 
 class Tuning(NamedTuple):
     """Numbers of the filter in the form that compiled code takes.
@@ -24,6 +26,7 @@ class Tuning(NamedTuple):
     match_known_square: float
     range_max_m: float
     range_margin_m: float
+    lasting: tuple[float, float] = LASTING
     match_widest_square: float = 16.0  # of the particles: without it a lonely landmark accepts anything
     match_fixed_square: float = 9.21  # without the density technique: 99 % of true matches
     # nearer to a landmark none is created: it may be that landmark, or the thing's other edge; 16 leaves a fifth more

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from slam.observations import Features, MatchVerdict, usable_rows, verdicts_of_all
+from slam.observations import LASTING_M, LEAST_STEP_M, Features, MatchVerdict, as_repeated, usable_rows, verdicts_of_all
 
 COUNT = 6
 
@@ -57,3 +57,18 @@ def test_verdicts_of_the_usable_features_are_spread_over_all() -> None:
     seen.ranges_m[:2] = math.nan
     verdicts = verdicts_of_all(usable_rows(seen, 30.0, 0.0), np.array((7, -1, 8, 9)), COUNT)
     assert verdicts.tolist() == [MatchVerdict.OUT_OF_RANGE, MatchVerdict.OUT_OF_RANGE, 7, MatchVerdict.NEW, 8, 9]
+
+
+@pytest.mark.parametrize("way_m", [0.0, 0.01, LEAST_STEP_M, 0.25, LASTING_M, 7.0])
+def test_looks_on_a_metre_of_way_add_up_to_one_look_of_what_lasts(way_m: float) -> None:
+    """Of two features, one of a landmark that is well known and one of a landmark that may be half a metre off."""
+    rows, matched = usable_rows(features(), 30.0, 0.0), np.array([0, 3])
+    told = as_repeated(rows, matched, np.array([0.02, 0.5]) ** 2, way_m, (0.05, 0.01))
+    more = LASTING_M / min(max(way_m, LEAST_STEP_M), LASTING_M) - 1.0
+    weights = np.array([more, more * (0.05**2 + (7.0 * 0.01) ** 2) / 0.5**2])
+    np.testing.assert_allclose((told.rr - rows.rr)[matched], weights * 0.05**2, atol=1e-15)
+    np.testing.assert_allclose((told.bb - rows.bb)[matched], weights * 0.01**2, atol=1e-15)
+    others = [1, 2, 4, 5]
+    assert (told.rr[others] == rows.rr[others]).all()
+    white = as_repeated(rows, matched, np.zeros(2), way_m, (0.0, 0.0))
+    assert (white.rr == rows.rr).all()

@@ -175,12 +175,32 @@ def test_an_increment_with_nan_is_refused_and_leaves_no_trace(part: int) -> None
 
 
 def test_standing_still_the_pose_stays_exact_and_landmarks_sharpen() -> None:
-    joint = JointGaussian(JointSettings(), Pose2(), TUNING)
+    joint = JointGaussian(JointSettings(), Pose2(), TUNING._replace(lasting=(0.0, 0.0)))
     look(joint, RING)
     first = joint.landmarks().covariances_m2.copy()
     look(joint, RING, 9)
     assert np.allclose(joint.landmarks().covariances_m2, first / 10.0, rtol=1e-6)
     assert np.diag(joint.covariance).max() <= 1.0001e-12
+
+
+@pytest.mark.parametrize(
+    ("step_m", "lasting", "least", "most"), [(0.05, 1, 0.06, 0.12), (1.0, 1, 0.0, 0.04), (0.05, 0, 0.0, 0.04)]
+)
+def test_many_looks_from_nearly_the_same_place_tell_as_much_as_one(
+    step_m: float, lasting: int, least: float, most: float
+) -> None:
+    """A corner is off by the same 10 cm from scan to scan, and by other 10 cm from a metre further on."""
+    tuning = TUNING._replace(lasting=(0.1 * lasting, math.radians(1.0) * lasting))
+    joint = JointGaussian(JointSettings(), Pose2(), tuning)
+    seen = features_at([(0.0, 5.0)])
+    for number in range(20):
+        at = Pose2(number * step_m, 0.0, 0.0)
+        seen = features_at(seen_from(at, [(0.0, 5.0)]))
+        joint.predict(np.array((step_m if number else 0.0, 0.0, 0.0)), np.zeros((3, 3)))
+        joint.observe(seen, unknown(seen), begins=number == 0)
+    assert joint.landmark_count == 1
+    sigma_m = math.sqrt(joint.landmarks().covariances_m2[0].trace() / 2.0)
+    assert least <= sigma_m <= most
 
 
 def heading_deviation(jacobians: Literal["invariant", "first_estimates", "current"]) -> float:
