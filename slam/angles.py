@@ -31,6 +31,23 @@ def half_turn(angle: float) -> float:
 
 
 @leaf
+def sees_all_round(spacing_rad: float, beams: int) -> bool:
+    """Whether the last beam of a scan lies beside the first one."""
+    return (beams + 0.5) * spacing_rad > 2.0 * math.pi
+
+
+@leaf
+def beams_after_first(bearing_rad: float, first_rad: float, spacing_rad: float, beams: int) -> float:
+    """How many beams after the first one a bearing lies, wherever a laser begins to count: in [-0.5, beams - 0.5) where
+    it is seen. What lies in the gap behind is before the first beam or after the last, whichever is nearer.
+    """
+    gap_rad = max(2.0 * math.pi - beams * spacing_rad, 0.0)
+    off_rad = bearing_rad - first_rad
+    turns = math.floor((off_rad + 0.5 * (gap_rad + spacing_rad)) / (2.0 * math.pi))
+    return (off_rad - 2.0 * math.pi * turns) / spacing_rad
+
+
+@leaf
 def angle_between(x_0: float, y_0: float, x: float, y: float) -> float:
     """Angle in (-pi, pi] by which (x, y) lies counter-clockwise of (x_0, y_0)."""
     across, along = x_0 * y - y_0 * x, x_0 * x + y_0 * y

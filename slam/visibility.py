@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.measurements import FloatArray, Scan, ScanLike
-from slam.angles import wrapped
+from slam.angles import beams_after_first, sees_all_round
 from slam.compiled import leaf
 from slam.observations import FeatureRows, Sighting
 from slam.settings.tuning import Tuning
@@ -68,17 +68,18 @@ def in_clear_view(
     distance = math.sqrt(dx * dx + dy * dy)
     if distance > min(tuning.range_max_m, sight.clear_m) or distance < 0.1:
         return False
-    bearing = wrapped(math.atan2(dy, dx) - sensor[2])
     beams = sight.ranges_m.size
     if beams <= 0:
         return True
-    half_width = math.atan2(tuning.sight_half_width_m, distance) + abs(sight.step_rad)
-    first = math.floor((bearing - half_width - sight.first_bearing_rad) / sight.step_rad)
-    last = math.ceil((bearing + half_width - sight.first_bearing_rad) / sight.step_rad)
-    if first < 0 or last >= beams:
+    bearing = math.atan2(dy, dx) - sensor[2]
+    middle = beams_after_first(bearing, sight.first_bearing_rad, sight.step_rad, beams)
+    half_width = math.atan2(tuning.sight_half_width_m, distance) / sight.step_rad + 1.0
+    first, last = math.floor(middle - half_width), math.ceil(middle + half_width)
+    if not sees_all_round(sight.step_rad, beams) and (first < 0 or last >= beams):
         return False
     beyond_m, empty = distance + tuning.sight_margin_m, 0
-    for beam in range(first, last + 1):
+    for turned in range(first, last + 1):
+        beam = turned % beams
         if math.isnan(sight.ranges_m[beam]):
             empty += 1
         elif sight.ranges_m[beam] < beyond_m:
@@ -95,10 +96,12 @@ def is_in_sight(
     square, reach_m = dx * dx + dy * dy, min(tuning.range_max_m, sight.clear_m)
     if square > reach_m * reach_m:
         return False
-    if sight.ranges_m.size <= 0:
+    beams = sight.ranges_m.size
+    if beams <= 0:
         return True
-    beam = round((wrapped(math.atan2(dy, dx) - sensor[2]) - sight.first_bearing_rad) / sight.step_rad)
-    if beam < 0 or beam >= sight.ranges_m.size:
+    bearing = math.atan2(dy, dx) - sensor[2]
+    beam = round(beams_after_first(bearing, sight.first_bearing_rad, sight.step_rad, beams))
+    if beam < 0 or beam >= beams:
         return False
     measured = sight.ranges_m[beam]
     return not (measured > 0.0 and measured * measured < square)

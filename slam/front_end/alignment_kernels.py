@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.measurements import FloatArray
+from slam.angles import beams_after_first, sees_all_round
 from slam.compiled import kernel
 
 ROUGH_M = 0.05  # RMS distance of returns from their line beyond which they are no surface
@@ -45,6 +46,7 @@ class Prior(NamedTuple):
 def surface_normals(points_m: FloatArray, spacing_rad: float, normals: FloatArray) -> None:
     """Unit normals (n, 2) of the surface around every point (n, 2); NaN where there is none."""
     size = points_m.shape[0]
+    is_ring = sees_all_round(spacing_rad, size)
     for beam in range(size):
         normals[beam, 0] = normals[beam, 1] = np.nan
         x, y = points_m[beam, 0], points_m[beam, 1]
@@ -55,7 +57,9 @@ def surface_normals(points_m: FloatArray, spacing_rad: float, normals: FloatArra
         for side in (-1, 1):
             for offset in range(1, MOST_NEIGHBOURS + 1):
                 other = beam + side * offset
-                if other < 0 or other >= size:
+                if is_ring:
+                    other %= size
+                elif other < 0 or other >= size:
                     break
                 dx, dy = points_m[other, 0] - x, points_m[other, 1] - y
                 square = dx * dx + dy * dy
@@ -86,11 +90,15 @@ def nearest_in_scan(
     x: float, y: float, first_rad: float, spacing_rad: float, points_m: FloatArray, normals: FloatArray, gate_m: float
 ) -> tuple[int, float]:
     """Beam whose return on a surface is nearest to the point (x, y) in its laser's frame, and the square; -1: none."""
-    best, at = gate_m * gate_m, -1
+    best, at, size = gate_m * gate_m, -1, points_m.shape[0]
     distance = math.sqrt(x * x + y * y)
-    centre = round((math.atan2(y, x) - first_rad) / spacing_rad)
+    centre = round(beams_after_first(math.atan2(y, x), first_rad, spacing_rad, size))
     reach = 1 + int(min(gate_m / max(distance, 0.05) / spacing_rad, float(WINDOW_BEAMS)))
-    for beam in range(max(centre - reach, 0), min(centre + reach + 1, points_m.shape[0])):
+    low, high = centre - reach, centre + reach + 1
+    if not sees_all_round(spacing_rad, size):
+        low, high = max(low, 0), min(high, size)
+    for turned in range(low, high):
+        beam = turned if 0 <= turned < size else turned % size
         if math.isnan(normals[beam, 0]):
             continue
         dx, dy = points_m[beam, 0] - x, points_m[beam, 1] - y

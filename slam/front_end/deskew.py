@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.measurements import FloatArray, Scan, ScanLike
+from slam.angles import wrapped
 from slam.compiled import kernel
 from slam.observations import Features
 from slam.pose import Pose2
@@ -161,4 +162,4 @@ def _deskew(
         y = mount_cosine * lever_y - mount_sine * lever_x
         points_m[beam, 0], points_m[beam, 1] = x, y
         ranges_m[beam] = math.sqrt(x * x + y * y)
-        bearings_rad[beam] = math.atan2(y, x)
+        bearings_rad[beam] = directions_rad[beam] + wrapped(math.atan2(y, x) - directions_rad[beam])

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import BoolArray, FloatArray, Scan, VerdictArray
+from slam.angles import sees_all_round
 from slam.compiled import kernel
 from slam.front_end.deskew import Beams
 from slam.observations import BeamVerdict
@@ -200,7 +201,8 @@ def _look_back(
     past_points_m, past_ranges_m, past_rays, spacing_rad = past
     tolerance_rad = TOLERANCE_RAD + 0.5 * spacing_rad
     cosine, sine = math.cos(past_from_now[2]), math.sin(past_from_now[2])
-    last = past_ranges_m.shape[0] - 1
+    size = past_ranges_m.shape[0]
+    is_ring = sees_all_round(spacing_rad, size)
     half_beam = 0.5 * spacing_rad
     nearest = -1
     for beam in range(points_m.shape[0]):
@@ -215,11 +217,12 @@ def _look_back(
         # From the beam nearest to the point before, turn until the next beam is not nearer: no arc tangent.
         off = distance * half_beam
         aside = past_rays[nearest, 0] * y - past_rays[nearest, 1] * x
-        while aside > off and nearest < last:
-            nearest += 1
+        turned = 0
+        while aside > off and turned < size and (is_ring or nearest < size - 1):
+            nearest, turned = (nearest + 1) % size, turned + 1
             aside = past_rays[nearest, 0] * y - past_rays[nearest, 1] * x
-        while aside < -off and nearest > 0:
-            nearest -= 1
+        while aside < -off and turned > -size and (is_ring or nearest > 0):
+            nearest, turned = (nearest - 1) % size, turned - 1
             aside = past_rays[nearest, 0] * y - past_rays[nearest, 1] * x
         if aside > 2.0 * off or aside < -2.0 * off:
             continue
@@ -229,7 +232,9 @@ def _look_back(
         here = False
         for step in range(2 * (reach // stride) + 1):
             other = nearest + stride * ((step + 1) // 2) if step % 2 else nearest - stride * (step // 2)
-            if 0 <= other <= last:
+            if is_ring:
+                other %= size
+            if 0 <= other < size:
                 gap_x, gap_y = past_points_m[other, 0] - x, past_points_m[other, 1] - y
                 if gap_x * gap_x + gap_y * gap_y < tolerance * tolerance:
                     here = True

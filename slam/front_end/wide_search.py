@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
+from slam.angles import beams_after_first, sees_all_round
 from slam.compiled import kernel
 from slam.front_end.alignment_kernels import EarlierScans
 from slam.front_end.alignment_search import GATE_LAST_M, Search
@@ -246,28 +247,31 @@ def compare(
     pose (3,): the points' laser in the other's frame. What lies behind its returns or outside its view says nothing.
     """
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
-    same, free = 0, 0
+    same, free, size = 0, 0, onto_m.shape[0]
+    is_ring = sees_all_round(spacing_rad, size)
     for point in range(points_m.shape[0]):
         if math.isnan(points_m[point, 0]):
             continue
         x = pose[0] + cosine * points_m[point, 0] - sine * points_m[point, 1]
         y = pose[1] + sine * points_m[point, 0] + cosine * points_m[point, 1]
         distance = math.sqrt(x * x + y * y)
-        off = math.atan2(y, x) - first_rad
-        off -= 2.0 * math.pi * math.floor(off / (2.0 * math.pi))
-        beam = int(off / spacing_rad + 0.5)
-        if beam >= onto_m.shape[0] or distance < SAME_M:
+        beam = round(beams_after_first(math.atan2(y, x), first_rad, spacing_rad, size))
+        if beam < 0 or beam >= size or distance < SAME_M:
             continue
         reach = 1 + int(min(SAME_M / distance / spacing_rad, 20.0))
         nearest, range_m = math.inf, math.inf
-        for at in range(max(beam - reach, 0), min(beam + reach + 1, onto_m.shape[0])):
+        low, high = beam - reach, beam + reach + 1
+        if not is_ring:
+            low, high = max(low, 0), min(high, size)
+        for turned in range(low, high):
+            at = turned % size
             if math.isnan(onto_m[at, 0]):
-                if abs(at - beam) <= 1:
+                if abs(turned - beam) <= 1:
                     range_m = 0.0  # nothing came back there: what stands there is not known
                 continue
             dx, dy = onto_m[at, 0] - x, onto_m[at, 1] - y
             nearest = min(nearest, dx * dx + dy * dy)
-            if abs(at - beam) <= 1:
+            if abs(turned - beam) <= 1:
                 range_m = min(range_m, math.sqrt(onto_m[at, 0] ** 2 + onto_m[at, 1] ** 2))
         if nearest < SAME_M * SAME_M:
             same += 1
