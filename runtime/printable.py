@@ -1,6 +1,8 @@
 """Text of others made fit for a terminal, a journal or a page: no character of it moves a cursor or begins a line."""
 
 import re
+from contextlib import suppress
+from typing import TextIO
 
 GREEN, YELLOW, RED = 32, 33, 31
 STATES = {
@@ -27,6 +29,13 @@ def printable(text: str, longest: int = 4000) -> str:
 def printable_lines(text: str) -> str:
     """The same for a sentence of ours that may have several lines."""
     return "\n".join(map(printable, text.split("\n")))
+
+
+def tell(stream: TextIO, text: str) -> None:
+    """Write to whoever still reads: a terminal or pipe that has gone must not end what goes on without it."""
+    with suppress(OSError, ValueError):
+        stream.write(text)
+        stream.flush()
 
 
 def _escaped(character: str) -> str:

@@ -15,7 +15,7 @@ from runtime.commands import Command
 from runtime.errors import ConfigurationError
 from runtime.maps.grid_message import grid_bytes
 from runtime.maps.live_grid import LiveGrid
-from runtime.printable import printable
+from runtime.printable import printable, tell
 from runtime.publish.commands import Answer
 from runtime.publish.follow import Follower, Message
 from runtime.ros2.vehicle import Frames
@@ -107,10 +107,10 @@ def run_bridge(
         if (pose := told_pose()) is not None:
             bridge.tell(pose, follower, now_s)
         while not bridge.answers.empty():
-            said.write(f"infant: {bridge.answers.get()}\n")
+            tell(said, f"infant: {bridge.answers.get()}\n")
         troubles = [*bridge.troubles.values(), *(() if grid is None else grid.troubles.values())]
         for text in troubles[told:]:
-            said.write(f"infant: {text}\n")
+            tell(said, f"infant: {text}\n")
         told = max(told, len(troubles))
 
 

@@ -11,6 +11,7 @@ from runtime.bridge.topics import HEARD, TOPICS, BridgedTopic
 from runtime.errors import SensorError
 from runtime.messages.definitions import definition
 from runtime.optional_packages import needs
+from runtime.printable import tell
 from runtime.publish.find_rover import find_rover
 from runtime.publish.follow import following
 from runtime.ros2.vehicle import Frames
@@ -108,7 +109,8 @@ def bridge_foxglove(options: FoxgloveOptions, stop: threading.Event, said: TextI
     server = FoxgloveServer(rover.name, options.host, options.port)
     try:
         bridge = Bridge({topic.key: (topic, server.writer(topic)) for topic in TOPICS}, Frames())
-        said.write(f"infant: {rover.name} is served to Foxglove and Lichtblick at ws://{options.host}:{server.port}\n")
+        url = f"ws://{options.host}:{server.port}"
+        tell(said, f"infant: {rover.name} is served to Foxglove and Lichtblick at {url}\n")
         with following(rover, HEARD, options.config_file) as follower:
             run_bridge(follower, bridge, lambda: None, options.resolution_m, stop, said)
     finally:

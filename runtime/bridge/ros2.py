@@ -10,7 +10,7 @@ from runtime.bridge.dds import LOOPBACK, DdsParticipant
 from runtime.bridge.initial_pose import INITIAL_POSE
 from runtime.bridge.topics import HEARD, TOPICS, in_namespace
 from runtime.errors import UsageError
-from runtime.printable import printable
+from runtime.printable import printable, tell
 from runtime.publish.find_rover import find_rover
 from runtime.publish.follow import following
 from runtime.publish.ros2_keys import ros_name
@@ -50,9 +50,10 @@ def bridge_ros2(options: BridgeOptions, stop: threading.Event, said: TextIO) -> 
     participant = DdsParticipant(options.domain, options.interface)
     topics = [in_namespace(topic, namespace) for topic in TOPICS]
     bridge = Bridge({topic.key: (topic, participant.writer(topic)) for topic in topics}, frames)
-    said.write(
+    tell(
+        said,
         f"infant: {rover.name} at {rover.endpoint} is in ROS 2 domain {options.domain} on {options.interface}: "
-        f"{', '.join(topic.name for topic in topics)}\n"
+        f"{', '.join(topic.name for topic in topics)}\n",
     )
     with following(rover, HEARD, options.config_file) as follower:
         poses = participant.reader(in_namespace(INITIAL_POSE, namespace))

@@ -21,7 +21,7 @@ from runtime.cli import live, log, maps, prepare, rover, runs, studies
 from runtime.cli.help import GroupedCommands, PlainUsage, WholeSentences, epilog, show_version
 from runtime.cli.output import begin_answering, error_object, has_answered, say_json
 from runtime.errors import InfantError, StorageError, UsageError
-from runtime.printable import printable, printable_lines
+from runtime.printable import printable, printable_lines, tell
 
 app = typer.Typer(
     name="infant",
@@ -47,6 +47,7 @@ for name, (text, commands) in GROUPS.items():
 
 
 INTERRUPTED = 130  # by Ctrl-C, as a shell has it
+NOBODY_READS = 141  # the reader of the output has gone, as in `infant ... | head`; as a shell has it
 
 
 @app.callback()
@@ -67,6 +68,14 @@ def main() -> None:
     as_json = "--json" in sys.argv[1:]
     begin_answering()
     try:
+        end_of(as_json)
+    finally:
+        forget_what_nobody_reads()
+
+
+def end_of(as_json: bool) -> NoReturn:
+    """Run the command and end with its exit code."""
+    try:
         exit_code = run_command(as_json)
         if as_json and exit_code == INTERRUPTED:
             say_error("interrupted by Ctrl-C", INTERRUPTED)
@@ -78,7 +87,7 @@ def main() -> None:
         sentence = f"{where}: {error.strerror or error}; check the file, its disk and its permissions"
         end(sentence, StorageError.exit_code, as_json)
     except Exception as error:  # noqa: BLE001 the service manager has to tell a defect from the rest
-        traceback.print_exc()
+        tell(sys.stderr, traceback.format_exc())
         if as_json:
             say_error(f"{type(error).__name__}: {error}", InfantError.exit_code)
         sys.exit(InfantError.exit_code)
@@ -88,6 +97,10 @@ def run_command(as_json: bool) -> int:
     """Run the command and return its exit code; words that do not fit show the usage, for a program as UsageError."""
     try:
         result: Any = app(standalone_mode=False)
+    except SystemExit as ended:  # typer's, with the exit code 1 that here means "the answer is no"
+        if isinstance(ended.__context__, BrokenPipeError):
+            return NOBODY_READS
+        raise
     except Exception as error:
         if type(error).__name__ == "Abort":  # typer brings a click of its own, whose types have no name here
             return INTERRUPTED
@@ -97,7 +110,8 @@ def run_command(as_json: bool) -> int:
         refused.message = in_plain_words(str(getattr(error, "message", "")))
         if as_json:
             raise UsageError(refused.format_message() or "no command given; see infant --help") from error
-        refused.show()
+        with suppress(OSError):  # whoever reads may have gone
+            refused.show()
         return UsageError.exit_code
     return result if isinstance(result, int) else 0
 
@@ -109,10 +123,19 @@ def in_plain_words(message: str) -> str:
 
 def end(sentence: str, exit_code: int, as_json: bool) -> NoReturn:
     """Say why the command ends: a sentence on standard error, and for a program an object on standard output."""
-    print(f"infant: {printable_lines(sentence)}", file=sys.stderr)
+    tell(sys.stderr, f"infant: {printable_lines(sentence)}\n")
     if as_json:
         say_error(sentence, exit_code)
     sys.exit(exit_code)
+
+
+def forget_what_nobody_reads() -> None:
+    """Drop the rest of the output where its reader has gone: Python would complain of it and change the exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def say_error(sentence: str, exit_code: int) -> None:

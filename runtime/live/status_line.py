@@ -1,12 +1,11 @@
 """The one line that a live run shows, written by a thread of its own: a terminal may stop reading."""
 
-import contextlib
 import math
 from typing import TextIO
 
 from drivers.stoppable_thread import StoppableThread
 from runtime.health import Health
-from runtime.printable import coloured, printable
+from runtime.printable import coloured, printable, tell
 from runtime.tick import CompletedTick, Tick
 
 TERMINAL_PERIOD_S = 0.5
@@ -44,9 +43,7 @@ class StatusLine:
 
     def write(self, text: str) -> None:
         """To the stream, where somebody still reads it: a terminal that has gone must not end a run."""
-        with contextlib.suppress(OSError, ValueError):
-            self._stream.write(text)
-            self._stream.flush()
+        tell(self._stream, text)
 
     def announce(self, text: str) -> None:
         """Something to know before the first tick: it takes the line on a terminal, and one of its own elsewhere."""

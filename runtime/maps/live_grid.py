@@ -18,7 +18,7 @@ from drivers.measurements import Scan, uniform_bearings
 from runtime.errors import SensorError, UsageError
 from runtime.maps.grid_message import GRID, grid_bytes
 from runtime.messages.tick import decode
-from runtime.printable import printable
+from runtime.printable import printable, tell
 from runtime.publish.follow import Follower
 from runtime.publish.rover_status import ROVER
 from runtime.publish.session import short_reason, tool_session
@@ -145,7 +145,7 @@ def _publish(session: zenoh.Session, follower: Follower, live: LiveGrid, stop: t
             live.take(message.name, message.data)
         for text in list(live.troubles.values())[troubles:]:
             troubles += 1
-            said.write(f"infant: {text}\n")
+            tell(said, f"infant: {text}\n")
         if time.monotonic() >= next_s and live.grid.scans:
             publisher.put(grid_bytes(live.grid.grid_map(), time.time_ns()))
             sent, next_s = sent + 1, time.monotonic() + GRID_S

@@ -12,6 +12,7 @@ from typing import Any, TextIO
 from runtime.commands import Command
 from runtime.errors import SensorError, UsageError
 from runtime.optional_packages import needs
+from runtime.printable import tell
 from runtime.publish.commands import Answer, send_command
 from runtime.publish.find_rover import find_rover
 
@@ -85,8 +86,7 @@ def serve_page(options: ServeOptions, stop: threading.Event, said: TextIO) -> di
     hub.start()
     threading.Thread(target=_end_with, args=(stop, server), daemon=True).start()
     url = f"http://{_in_url(options.host)}:{port}/"
-    said.write(f"infant: {rover.name} is served at {url}\n")
-    said.flush()
+    tell(said, f"infant: {rover.name} is served at {url}\n")
     try:
         with listening:
             asyncio.run(server.serve(sockets=[listening]))

@@ -1,11 +1,10 @@
 """Messages to the service manager: one datagram each (sd_notify(3)), nothing where there is no manager."""
 
-import contextlib
 import os
 import socket
 from typing import TextIO
 
-from runtime.printable import printable
+from runtime.printable import printable, tell
 
 LONGEST = 1000  # characters of a status
 STOP_US = 80_000_000  # TimeoutStopSec of the unit: a minute for the review, some seconds for sensors and record
@@ -69,6 +68,4 @@ class WatchdogFeed:
             self._reported = ""
         elif not self._reported:
             self._reported = stuck
-            with contextlib.suppress(OSError, ValueError):  # nobody may read it any more
-                self._stream.write(f"infant: {stuck}; the watchdog is no longer fed and will restart the service\n")
-                self._stream.flush()
+            tell(self._stream, f"infant: {stuck}; the watchdog is no longer fed and will restart the service\n")

@@ -21,6 +21,7 @@ from drivers.simulated.rover import Rover, world_for
 from drivers.simulated.world.places.choose import world_of
 from runtime.errors import ConfigurationError, UsageError
 from runtime.expected_value import expected_value
+from runtime.printable import tell
 from runtime.settings.configuration import load_configuration, load_configuration_text
 from runtime.simulation.as_configured import simulation_of
 from runtime.simulation.sent import SentBytes
@@ -59,10 +60,11 @@ def serve_rover(
         rover.drive(time.monotonic_ns())
         bus = rover.encoders.bus
         name = f"{bus.interface}:{bus.channel}" + (f":{bus.port}" if bus.port else "")
-        stream.write(
+        tell(
+            stream,
             f"laser  {rover.laser_url}  speaks SCIP 2; any client can connect\nwheels {name}  CAN frames "
             f"for python-can, as INTERFACE:CHANNEL:PORT\ntry    infant setup --laser {rover.laser_url} "
-            f"--can {name} {_geometry_words(simulation, encoders)}\n"
+            f"--can {name} {_geometry_words(simulation, encoders)}\n",
         )
         _wait(rover.devices, stop, stream, faults)
 
@@ -112,7 +114,7 @@ def serve_laser(
     device = LaserDevice(simulation.laser, lambda t_ns: world.ranges_at(t_ns - start_ns), time.monotonic_ns)
     device.start()
     try:
-        stream.write(f"laser  {device.url}\n" + (f"laser  {device.pty_url}\n" if device.pty_url else ""))
+        tell(stream, f"laser  {device.url}\n" + (f"laser  {device.pty_url}\n" if device.pty_url else ""))
         _wait({"laser": device}, stop, stream, faults)
     finally:
         device.close()
@@ -123,12 +125,10 @@ def _wait(devices: Mapping[str, Device], stop: threading.Event, stream: TextIO, 
     answering = threading.Lock()
 
     def say(sentence: str) -> None:
-        stream.write(f"{sentence}\n")
-        stream.flush()
+        tell(stream, f"{sentence}\n")
 
     if faults is not None:
         say(f"type faults, one per line; help lists them: {EXAMPLES}")
         obey_lines(faults, devices, say, answering)
-    stream.flush()
     stop.wait()
     answering.acquire(timeout=ANSWERED_S)  # and kept: Python aborts where a thread still writes when it ends

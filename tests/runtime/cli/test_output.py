@@ -56,6 +56,27 @@ def test_streams_that_are_closed_are_no_defect() -> None:
     assert ended.returncode == 6
 
 
+@pytest.mark.parametrize(
+    ("words", "exit_code"),
+    [
+        ("--help", 141),
+        ("config --defaults", 141),
+        ("log info nothing --json", 6),  # its JSON has no reader, and neither has its sentence
+        ("run", 2),
+    ],
+)
+def test_a_reader_that_has_gone_leaves_no_traceback_and_hides_no_exit_code(words: str, exit_code: int) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    for stdout, stderr in ((writing, subprocess.PIPE), (writing, writing)):
+        command = [sys.executable, "-m", "runtime.cli", *words.split()]
+        ended = subprocess.run(command, stdout=stdout, stderr=stderr, cwd=ROOT, check=False)
+        assert ended.returncode == exit_code
+        assert b"Traceback" not in (ended.stderr or b"")
+        assert b"Exception ignored" not in (ended.stderr or b"")
+    os.close(writing)
+
+
 def test_a_hangup_ends_a_run_in_order_unless_it_was_started_to_stay() -> None:
     before = {number: signal.getsignal(number) for number in (signal.SIGHUP, signal.SIGTERM, signal.SIGINT)}
     try:

@@ -2,7 +2,9 @@
 
 import io
 import threading
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TextIO, cast
 
 import pytest
 
@@ -12,7 +14,7 @@ from runtime.errors import RunExistsError, UsageError
 from runtime.importers.data_set import import_data_set
 from runtime.importers.wire_captures import load_candump
 from runtime.settings.configuration import load_configuration
-from runtime.simulation.serve import described, serve_rover
+from runtime.simulation.serve import described, serve_laser, serve_rover
 from runtime.simulation.typed_faults import obey
 from tests.support.drivers.waiting import wait_until
 
@@ -70,3 +72,19 @@ def test_a_described_rover_can_be_put_into_another_place_and_keeps_its_geometry(
         described(path, {"simulation.world.place": "moon"})
     simulated, _ = described(Path("mock"), {"simulation.world.place": "orchard"})
     assert simulated.world.place == "orchard"
+
+
+def test_the_devices_go_on_and_obey_when_nobody_reads_what_they_say() -> None:
+    class Gone(io.StringIO):
+        def write(self, text: str) -> int:
+            raise BrokenPipeError(32, "Broken pipe")
+
+    stop = threading.Event()
+
+    def typed() -> Iterator[str]:
+        yield "help\n"
+        yield "laser silence duration_s=1\n"
+        stop.set()  # asked for a third line, so both were obeyed
+
+    serve_laser(None, {}, stop, Gone(), cast("TextIO", typed()))
+    assert stop.is_set()
