@@ -8,6 +8,7 @@ from typing import Any
 from drivers.measurements import SensorHealth
 from runtime.live.timekeeping import Timekeeping
 from runtime.map_files.end import end_lines
+from runtime.record.trajectories import SEARCHING
 from runtime.sensor_report import sensor_lines, sensor_object
 from runtime.service.memory import resident_mb
 from runtime.tick import CompletedTick, SinkHealth
@@ -43,7 +44,10 @@ class SquaredErrors:
 
 @dataclass(slots=True)
 class ErrorTrack:
-    """Sink that compares the pose and plain odometry with the simulator's truth, in the frame of the start pose."""
+    """Sink that compares the pose and plain odometry with the simulator's truth, in the frame of the start pose.
+
+    Poses before the place in a saved map was known count only where it never was, as in `infant evaluate`.
+    """
 
     slam: SquaredErrors = field(default_factory=SquaredErrors)
     odometry: SquaredErrors = field(default_factory=SquaredErrors)
@@ -51,6 +55,7 @@ class ErrorTrack:
     landmarks: int = 0
     scans: int = 0
     wheel_samples: int = 0
+    is_searching: bool | None = None  # until the place in the saved map is known; None before the first tick says
 
     def put(self, completed: CompletedTick) -> None:
         """One tick."""
@@ -59,6 +64,11 @@ class ErrorTrack:
         self.scans += completed.tick.scan is not None
         self.wheel_samples += sum(getattr(sample, "valid", True) for sample in completed.tick.wheels)
         self.landmarks = int(estimate.counts.get("landmarks", self.landmarks))
+        known, is_new = (estimate.counts.get(name) for name in SEARCHING)
+        if self.is_searching is None and known is not None:
+            self.is_searching = known >= 2.0
+        if self.is_searching and is_new == 0.0:
+            self.slam, self.odometry, self.is_searching = SquaredErrors(), SquaredErrors(), False
         if truth is not None:
             self.slam.add(estimate.map_from_body, truth)
             self.odometry.add(estimate.odom_from_body, truth)
