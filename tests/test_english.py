@@ -16,7 +16,7 @@ from proselint.tools import LintFile
 CheckRegistry().register_many(__register__)
 OFF = ("typography", "restricted", "dates_times")  # curly quotes; a vocabulary of a thousand words; "2 am"
 CHECKS = {**DEFAULT, "checks": {name: on and name not in OFF for name, on in DEFAULT["checks"].items()}}
-LONGEST_SENTENCE = 45  # words
+LONGEST_SENTENCE = 30  # words
 OURS = {
     r"\banew\b": "again",
     r"\bbegan again\b": "restarted",

@@ -137,6 +137,22 @@ QUESTIONS = (
     ("Does installing it need a compiler?", "journeys/ci.md", "Installing needs no compiler"),
     ("Can the simulated rover drive my route?", "journeys/ci.md", "drives a fixed course"),
     ("How do I put it into a container image?", "journeys/ci.md", "`RUN infant warmup` after the installation"),
+    # and third, of which these had no answer where it was sought
+    ("Can I install it with pip alone?", "questions.md", "Is it on PyPI?** No"),
+    ("Does it stop the rover when it is lost?", "questions.md", "your program has to stop the rover"),
+    ("What happens when the disk of the rover is full?", "install.md", "the oldest minutes of the run are removed"),
+    ("Is the link to the rover encrypted?", "install.md", "Such a link is not encrypted"),
+    ("Do two rovers on one network disturb each other?", "questions.md", "They do not hear each other"),
+    (
+        "Which topics and frames does ROS 2 get?",
+        "questions.md",
+        "`/<rover>/pose`",
+        "`map` > `odom` > `base_link` > `laser`",
+    ),
+    ("Which clock do the stamps have?", "questions.md", "has the UTC of the rover's computer"),
+    ("How often must the wheels send?", "hardware.md", "`encoders.period_ms`", "at most 1000"),
+    ("Why does my run have so few landmarks?", "troubleshooting.md", "among walls few landmarks are normal"),
+    ("How do I know that a run was good?", "reading_a_review.md", "*healthy* (a good run)"),
 )
 
 
@@ -144,7 +160,7 @@ def test_the_index_offers_ten_pages() -> None:
     linked = re.findall(r"\]\(([\w/]+\.md)\)", (DOCS / "index.md").read_text(encoding="utf-8"))
     assert len(linked) == len(set(linked)) == LINKS
     assert {page for _, page, *_ in QUESTIONS} <= set(linked)
-    assert len(QUESTIONS) == 81
+    assert len(QUESTIONS) == 91
 
 
 @pytest.mark.parametrize(("question", "page", "answers"), [(asked, page, words) for asked, page, *words in QUESTIONS])

@@ -18,7 +18,7 @@ from runtime.report.findings.wheels import wheel_findings
 VERDICTS = {
     Severity.INFO: "healthy",
     Severity.WARN: "usable, but worth a look",
-    Severity.ERROR: "not to be relied on as it is",
+    Severity.ERROR: "not reliable as it is",
 }
 
 

@@ -88,7 +88,7 @@ def test_the_cause_is_told_before_what_follows_from_it(tmp_path: Path) -> None:
 def test_a_run_of_two_ticks_is_not_called_healthy(tmp_path: Path) -> None:
     findings = judge(seeded_facts(tmp_path / "run", 1, duration_s=0.2))
     assert _grave(findings) == {"short_run"}
-    assert verdict(findings) == "not to be relied on as it is"
+    assert verdict(findings) == "not reliable as it is"
 
 
 def test_holes_of_a_recording_of_others_are_no_fault_of_a_sensor(tmp_path: Path) -> None:
