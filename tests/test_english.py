@@ -40,6 +40,23 @@ OURS = {
     r"\bnothing is said\b": "it is not given",
     r"\blooked for\b": "searched for",
     r"\bdo without\b": "need",
+    r"\boverwritten, give\b": "overwritten; give",
+    r"\b(?:measure|measure it)[^.;:]*, geometry\b": "geometry, after a colon or with because",
+    r"\bis none of the\b": "is not a",
+    r"\bhalf an? (?:pose|map|file)\b": "an incomplete",
+    r"\bthat no (?:clock|drive|device|recorder) \w+": "invalid, or out of range",
+    r"\bwhole (?:lines?|ticks?)\b": "complete",
+    r"\b(?:is|are) nowhere\b": "is not finite",
+    r"\bstamp lies\b": "stamp is",
+    r"\blies (?:under|below|after|before)\b": "is",
+    r"\bstands (?:upright|in \[)": "is",
+    r"\bneeds? the extra\b": "needs optional packages",
+    r"\bnot a single\b": "no",
+    r"\bto be relied on\b": "reliable",
+    r"\bplace landmarks\b": "put up landmarks, such as posts",
+    r", wanted\b": "and N are needed",
+    r"\brefutes?\b": "contradicts",
+    r"\ball the same\b": "anyway",
 }
 """Phrases that a native speaker would not write here, and what to write."""
 

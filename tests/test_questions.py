@@ -152,6 +152,9 @@ QUESTIONS = (
     ("Which clock do the stamps have?", "questions.md", "has the UTC of the rover's computer"),
     ("How often must the wheels send?", "hardware.md", "`encoders.period_ms`", "at most 1000"),
     ("Why does my run have so few landmarks?", "troubleshooting.md", "among walls few landmarks are normal"),
+    ("How large may the place be?", "questions.md", "25 000 landmarks"),
+    ("How much of the processor does it take?", "hardware.md", "of the 100 ms that it has"),
+    ("Does it give latitude and longitude?", "questions.md", "--origin LAT,LON,HEADING"),
     ("How do I know that a run was good?", "reading_a_review.md", "*healthy* (a good run)"),
 )
 
@@ -160,7 +163,7 @@ def test_the_index_offers_ten_pages() -> None:
     linked = re.findall(r"\]\(([\w/]+\.md)\)", (DOCS / "index.md").read_text(encoding="utf-8"))
     assert len(linked) == len(set(linked)) == LINKS
     assert {page for _, page, *_ in QUESTIONS} <= set(linked)
-    assert len(QUESTIONS) == 91
+    assert len(QUESTIONS) == 94
 
 
 @pytest.mark.parametrize(("question", "page", "answers"), [(asked, page, words) for asked, page, *words in QUESTIONS])

@@ -123,7 +123,7 @@ def _key_values(client: ScipClient, command: bytes, settings: LaserSettings) -> 
             if reply == before:  # noise is never twice the same: this firmware says it so
                 return parse_key_values(reply, is_lenient=True)
             before = reply
-    raise NoAnswerError(f"{settings.url} gives no readable answer to {command.decode()}")
+    raise NoAnswerError(f"{settings.url} does not answer {command.decode()} readably; check its cable and power")
 
 
 def _optional(client: ScipClient, command: bytes) -> dict[str, str]:

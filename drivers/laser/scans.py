@@ -175,7 +175,7 @@ class ScanAssembly:
         if stamp_ns <= arrival_ns + FUTURE_NS:
             return stamp_ns
         text = (
-            "a stamp lies in the future, so the time of arrival is used; the laser's clock or "
+            "a stamp is in the future, so the time of arrival is used; the laser's clock or "
             "laser.stamp_reference is wrong"
         )
         self._events.add(arrival_ns, "future_stamps", text)

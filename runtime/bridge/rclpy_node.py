@@ -61,7 +61,7 @@ def ros_name(text: str) -> str:
     """Names with / between them, or nothing, as ROS 2 takes them."""
     words = text.strip("/")
     if words and (len(words) > 100 or not re.fullmatch(r"([A-Za-z_]\w*/)*[A-Za-z_]\w*", words, re.ASCII)):
-        raise argparse.ArgumentTypeError(repr(text) + " is no name in ROS 2: expected one such as fleet/rover1")
+        raise argparse.ArgumentTypeError(repr(text) + " is not a valid ROS 2 name: expected one such as fleet/rover1")
     return words
 
 

@@ -31,7 +31,7 @@ class MotionCoverage:
     def sentence(self) -> str:
         """The advice with the figures; what there was is rounded down, so that too little never looks like enough."""
         have = np.floor(10.0 * self.have) / 10.0
-        return f"{self.advice}: {self.name} is {have:.1f} {self.unit}, wanted {self.want:g} {self.unit}"
+        return f"{self.advice}: {self.name} was {have:.1f} {self.unit}, and {self.want:g} are needed"
 
 
 def measures(

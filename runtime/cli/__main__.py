@@ -116,9 +116,21 @@ def run_command(as_json: bool) -> int:
     return result if isinstance(result, int) else 0
 
 
+TERMS = {
+    "Input should be ": "expected ",
+    "greater than or equal to": "at least",
+    "less than or equal to": "at most",
+    "a valid integer": "a whole number",
+    "a valid number": "a number",
+}
+
+
 def in_plain_words(message: str) -> str:
     """What typer says of a word, without the terms of the library that it asks."""
-    return message.removeprefix("Value error, ").replace("Input should be ", "it has to be ")
+    words = message.removeprefix("Value error, ").partition(", unable to parse")[0]
+    for theirs, ours in TERMS.items():
+        words = words.replace(theirs, ours)
+    return words
 
 
 def end(sentence: str, exit_code: int, as_json: bool) -> NoReturn:

@@ -10,5 +10,5 @@ BeginIn = Annotated[
 ]
 LocaliseOnly = Annotated[bool, typer.Option("--localise-only", help="only localise in the map: no new map is written")]
 StartAt = Annotated[
-    str | None, typer.Option("--start-at", metavar="X,Y,YAW", help="where the rover stands in the map, m and rad")
+    str | None, typer.Option("--start-at", metavar="X,Y,YAW", help="where the rover is in the map, m and rad")
 ]

@@ -76,6 +76,20 @@ def epilog(name: str) -> str | None:
 TYPES = {"str": "text", "Path": "path", "float": "number", "int": "whole number"}
 
 
+RANGE = re.compile(r"([-\d.]+)<=x<=([-\d.]+)")
+BEYOND = 1e6  # a bound that only keeps nonsense out, and would say nothing to a reader
+
+
+def plain_ranges(told: str) -> str:
+    """A description with its range as a person writes it: `[0.1<=x<=10.0]` is `[0.1 to 10]`."""
+
+    def plain(found: re.Match[str]) -> str:
+        least, most = (float(each) for each in found.groups())
+        return f"at least {least:g}" if most >= BEYOND else f"{least:g} to {most:g}"
+
+    return RANGE.sub(plain, told)
+
+
 def plain_type(words: str) -> str:
     """A row of the help with the type of its value as a person calls it: `<list[str]>` is `<text>`."""
     found = re.search(r"<(?:list\[)?([^\[\]<>]+?)\]?( range)?>", words)
@@ -88,7 +102,7 @@ class PlainUsage(TyperCommand):
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write arguments and options."""
         write = formatter.write_dl
-        formatter.write_dl = lambda rows: write([(plain_type(words), told) for words, told in rows])
+        formatter.write_dl = lambda rows: write([(plain_type(words), plain_ranges(told)) for words, told in rows])
         super().format_options(ctx, formatter)
         formatter.write_dl = write
 

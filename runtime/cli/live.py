@@ -29,8 +29,8 @@ def run(
         typer.Option(
             min=0.1,
             max=LONGEST_S,
-            help="seconds for the whole run: loading, compiling the kernels if that is needed, and closing count too; "
-            "by default a simulated rover drives for 60, and a real one until Ctrl-C",
+            help="seconds for the whole command, with loading, compiling if needed, and closing; "
+            "default: a simulated rover drives for 60, a real one until Ctrl-C",
         ),
     ] = None,
     out: Out = None,
@@ -131,7 +131,7 @@ def sim(
     ] = None,
     place: Annotated[
         str | None,
-        typer.Option("--place", metavar="PLACE", help="what it drives in: park, building, corridor, orchard or empty"),
+        typer.Option("--place", metavar="PLACE", help="where it drives: park, building, corridor, orchard or empty"),
     ] = None,
     record: Annotated[
         Path | None,
@@ -253,9 +253,7 @@ def status(
 
 
 def warmup(as_json: AsJson = False) -> None:
-    """Compile the kernels of the filter into the cache, so that no run has to wait for it; make and the service
-    call this.
-    """
+    """Compile the filter once, so that no run waits for it; make and the service do so too."""
     from runtime.live.kernels import mark_complete
     from slam.estimator import Estimator
     from slam.kernel_cache import forget_other_versions, use_compile_cache

@@ -85,10 +85,10 @@ def mark(
     run: Annotated[
         Path | None, typer.Option("--run", help="folder of a run; default: the one that is being recorded")
     ] = None,
-    runs: Annotated[Path, typer.Option("--runs", help="folder that holds the runs: record.folder")] = Path("runs"),
+    runs: Annotated[Path, typer.Option("--runs", help="folder that holds the runs (record.folder)")] = Path("runs"),
     as_json: AsJson = False,
 ) -> None:
-    """Keep the segments around this moment, however full the disk gets; a finished run is kept as a whole."""
+    """Keep the minutes around this moment, however full the disk gets; a finished run is kept as a whole."""
     from runtime.record.folder import RunFolder
     from runtime.record.marks import leave_mark, running_run
 
@@ -103,4 +103,4 @@ def mark(
 
 COMMANDS = (mark,)
 LOG_COMMANDS = (info, verify, recover)
-LOG_HELP = "Look into a recorded run, and check that it is what was written."
+LOG_HELP = "Show what a recorded run holds, verify it, and recover a damaged one."

@@ -141,7 +141,7 @@ def setup(
     missing = [option for option in GEOMETRY if option not in numbers]
     if missing and (yes or not sys.stdin.isatty()):
         wanted = ", ".join(f"{option} ({GEOMETRY[option]})" for option in missing)
-        raise UsageError(f"{wanted}: missing; measure it, geometry is never guessed")
+        raise UsageError(f"{wanted}: missing; measure, because geometry is never guessed")
 
     def geometry() -> Geometry:
         facing = (backwards, upside_down)

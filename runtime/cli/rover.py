@@ -120,7 +120,7 @@ def command(
         CommandWord,
         typer.Argument(
             metavar="WORD",
-            help="mark this moment, save what is recorded, stop recording, or set where the rover stands",
+            help="mark this moment, save what is recorded, stop recording, or say where the rover is",
         ),
     ],
     reason: Annotated[
@@ -136,7 +136,7 @@ def command(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell a rover over zenoh to mark, save or stop its recording, or where it stands.
+    """Command a rover over zenoh: mark a moment, save or stop recording, or say where it is.
 
     Needs publish.commands on the rover.
     """

@@ -31,7 +31,7 @@ AllowDefects = Annotated[
 
 def replay(
     run: Run,
-    config: Annotated[Path | None, typer.Option("--config", help="another configuration than the recorded")] = None,
+    config: Annotated[Path | None, typer.Option("--config", help="another configuration than the recorded one")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="folder for the replayed run; never overwritten")] = None,
     verify: Annotated[bool, typer.Option("--verify", help="compare with the record, bit for bit")] = False,
     seed: Annotated[int | None, typer.Option("--seed", help="use another seed for the filter")] = None,
@@ -85,8 +85,8 @@ def import_(
     out: Annotated[Path, typer.Option("--out", metavar="RUN", help="folder of the new run; never overwritten")],
     config: Annotated[Path | None, typer.Option("--config", help="default: the data set's own file in config/")] = None,
     at_rest: Annotated[bool, typer.Option("--at-rest", help="the sensor stood still; needs no odometry")] = False,
-    scan_topic: Annotated[str | None, typer.Option("--scan-topic", help="of a bag with several LaserScans")] = None,
-    odom_topic: Annotated[str | None, typer.Option("--odom-topic", help="of a bag with several Odometries")] = None,
+    scan_topic: Annotated[str | None, typer.Option("--scan-topic", help="if a bag has several of LaserScan")] = None,
+    odom_topic: Annotated[str | None, typer.Option("--odom-topic", help="if a bag has several of Odometry")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Convert a recording from another system into a run that can be replayed and evaluated."""
@@ -117,7 +117,7 @@ def evaluate(
 
 
 def smooth(run: Run, as_json: AsJson = False) -> None:
-    """Smooth the path and landmarks with everything that a run saw, and find matches that it refutes; needs gtsam."""
+    """Smooth path and landmarks with everything that a run saw, and find matches that contradict it; needs gtsam."""
     from runtime.smooth.smooth import smooth_lines, smooth_run
 
     result = smooth_run(run, progress_bar("replay"))
@@ -289,7 +289,7 @@ def export(
     grid: Annotated[bool, typer.Option("--grid/--no-grid", help="whether the bag gets an occupancy grid")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Export a run to the formats of other programs, stamped in wall time; nothing is overwritten."""
+    """Export a run to the formats of other programs, with stamps in UTC; nothing is overwritten."""
     from runtime.export.export import Outputs, export_lines, export_run
 
     outputs = Outputs(ros2, csv, tum, geojson)

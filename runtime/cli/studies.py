@@ -42,8 +42,8 @@ def paper(
         Part,
         typer.Argument(
             metavar="PART",
-            help="which figure, table or study: a figure, the table, the ablation, the published pose, all; "
-            "places; recognition; relocalisation",
+            help="what to reproduce: one figure, the table, the ablation, the published pose, or all of these; "
+            "or one of three studies: places, recognition, relocalisation",
         ),
     ],
     more: Annotated[

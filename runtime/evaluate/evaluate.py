@@ -75,8 +75,8 @@ def in_time_of_run(rows: FloatArray, times_s: FloatArray, wall_minus_monotonic_n
         if ((moved[:, 0] >= times_s[0]) & (moved[:, 0] <= times_s[-1])).any():
             return moved
     raise UsageError(
-        f"no time of the truth, {rows[0, 0]:.3f} to {rows[-1, 0]:.3f} s, lies within the run, "
-        f"{times_s[0]:.3f} to {times_s[-1]:.3f} s; give the times of trajectory.tum, or seconds since 1970 "
+        f"no stamp of the truth ({rows[0, 0]:.3f} to {rows[-1, 0]:.3f} s) is within the run "
+        f"({times_s[0]:.3f} to {times_s[-1]:.3f} s); give the times of trajectory.tum, or seconds since 1970 "
         "if the run has a wall clock"
     )
 

@@ -97,7 +97,7 @@ def _arrays(data: bytes) -> dict[str, NDArray[Any]]:
     """Raises ValueError where they would take too much memory, and all that the reader of archives raises."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         if any(each.compress_type not in PACKINGS or each.flag_bits & ENCRYPTED for each in archive.infolist()):
-            raise ValueError("it is packed as numpy does not")
+            raise ValueError("it was not packed by numpy")
         size = sum(each.file_size for each in archive.infolist())
         if size > LARGEST_BYTES:
             raise ValueError(f"it would unpack to {size} bytes, more than the {LARGEST_BYTES} that are allowed")

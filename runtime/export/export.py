@@ -129,7 +129,7 @@ def _refuse_existing(kind: str, path: Path) -> None:
     if kind == "ros2" and path.is_dir() and not path.is_symlink() and not any(path.iterdir()):
         return
     if path.exists() or path.is_symlink():
-        raise RunExistsError(f"{path} exists; nothing is overwritten, give another name")
+        raise RunExistsError(f"{path} exists; nothing is overwritten; give another name")
 
 
 def _remove(outputs: Outputs) -> None:
@@ -150,7 +150,7 @@ def export_lines(summary: dict[str, Any]) -> list[str]:
         )
     if summary["part_of_map"]:
         lines.append(
-            "note      /map has only the beginning of the drive: the whole takes more than "
+            "note      /map has only the beginning of the drive: all of it takes more than "
             f"{MOST_CELLS / 1e6:.0f} million cells; give a coarser --resolution"
         )
     if summary["truncated"]:

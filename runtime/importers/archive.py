@@ -110,14 +110,12 @@ def _arrays(path: Path) -> dict[str, NDArray[Any]]:
     if len(sizes) < len(items) or any(
         item.compress_type not in PACKINGS or item.flag_bits & ENCRYPTED for item in items
     ):
-        raise DataSetError(f"{path} holds a name twice, or is packed as numpy does not; save it again with numpy.savez")
+        raise DataSetError(f"{path} has a duplicate name, or was not packed by numpy; save it again with numpy.savez")
     size = sum(size for name, size in sizes.items() if name in KNOWN)
     packed = path.stat().st_size
     most = min(LARGEST_BYTES, Inflation(packed).left, max(FREE_BYTES, MOST_TIMES * packed))
     if size > most:
-        raise DataSetError(
-            f"{path} unpacks to {size / 1e6:.0f} MB, expected at most {most / 1e6:.0f} MB of such a file"
-        )
+        raise DataSetError(f"{path} unpacks to {size / 1e6:.0f} MB, expected at most {most / 1e6:.0f} MB")
     if sizes.get(META, 0) > LARGEST_META:
         raise DataSetError(f"{path}: array {META} has {sizes[META]} bytes, a description has at most {LARGEST_META}")
     arrays = {}

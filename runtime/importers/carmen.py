@@ -69,7 +69,7 @@ def load_carmen(source: Path) -> Archive:
     except OSError as error:
         raise DataSetError(f"{source} cannot be read as a CARMEN log ({error}); fetch it again") from error
     if lines.damage:
-        log.left_out.warnings.append(f"{source.name} is read up to its last whole line: {lines.damage}")
+        log.left_out.warnings.append(f"{source.name} is read up to its last complete line: {lines.damage}")
     _choose_laser(log)
     if log.is_gmapping:
         _undo_corrections(log)
@@ -205,7 +205,7 @@ def _in_order(log: _Log) -> tuple[list[tuple[float, LaserLine]], list[tuple[floa
         stamp_s, item, place = float(times.stamps_s[row]), log.lines[row].item, log.place(log.lines[row].number)
         what = SCANS if isinstance(item, LaserLine) else ODOMETRY
         if not times.good[row]:
-            log.left_out.add(what, "the stamp lies more than a second before its neighbours, or a day after", place)
+            log.left_out.add(what, "the stamp is more than a second before its neighbours, or a day after", place)
         elif isinstance(item, LaserLine):
             if not scans or stamp_s > scans[-1][0]:
                 scans.append((stamp_s, item))

@@ -58,7 +58,7 @@ def _load(source: Path, topics: Topics, config: Path | None) -> Archive:
         return load_carmen(source)
     if first:
         return _candump(source, config)
-    raise DataSetError(f"{source} is none of the recordings that can be read: {SOURCES}; see docs/data_sets.md")
+    raise DataSetError(f"{source} is not a recording that can be imported; expected {SOURCES}; see docs/data_sets.md")
 
 
 def _candump(source: Path, config: Path | None) -> Archive:

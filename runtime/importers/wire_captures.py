@@ -146,7 +146,7 @@ def _frames(source: Path, settings: EncoderSettings, left_out: LeftOut) -> Order
         frames.add(seconds, channels.setdefault(channel, len(channels)), frame)
         lines.keep(FRAME_BYTES)
     if lines.damage:
-        left_out.warnings.append(f"{source.name} is read up to its last whole line: {lines.damage}")
+        left_out.warnings.append(f"{source.name} is read up to its last complete line: {lines.damage}")
     if not len(frames):
         first = left_out.first()
         raise DataSetError(
@@ -162,7 +162,7 @@ def _frames(source: Path, settings: EncoderSettings, left_out: LeftOut) -> Order
         )
     clock = join_clock(frames.times_s)
     left_out.warnings += step_sentences(clock.steps, lambda row: f"frame {row + 1}: the clock")
-    left_out.add("frames", "the stamp lies far from its neighbours", source.name, int((~clock.good).sum()))
+    left_out.add("frames", "the stamp is far from its neighbours", source.name, int((~clock.good).sum()))
     order = np.argsort(clock.stamps_s, kind="stable")
     order = order[clock.good[order] & (channel_of[order] == wanted)]
     return OrderedFrames(frames, order, np.rint(clock.stamps_s[order] * 1e9).astype(np.int64))

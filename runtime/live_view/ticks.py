@@ -120,7 +120,7 @@ def _pose_of(pose: Any) -> Pose2:
     turn = pose.orientation
     found = Pose2(pose.position.x, pose.position.y, wrap_rad(2.0 * math.atan2(turn.z, turn.w)))
     if not (np.abs(found.as_array()) < FARTHEST_M).all():  # of NaN too
-        raise ValueError("a pose that is nowhere")
+        raise ValueError("a pose that is not finite")
     return found
 
 
@@ -139,9 +139,9 @@ def _landmarks_of(said: dict[str, Any]) -> LandmarkMap:
     covariances_m2 = np.array(said["covariances_m2"][:MOST_LANDMARKS], np.float64).reshape(-1, 2, 2)
     existence = np.array(said["existence"][:MOST_LANDMARKS], np.float64).clip(1e-3, 1.0 - 1e-3)
     if not len(identities) == len(means_m) == len(covariances_m2) == len(existence):
-        raise ValueError("half a map")
+        raise ValueError("arrays of different lengths in a map")
     if not (np.isfinite(means_m).all() and np.isfinite(covariances_m2).all()):
-        raise ValueError("a map that is nowhere")
+        raise ValueError("a map that is not finite")
     return LandmarkMap(identities, means_m, covariances_m2, np.log(existence / (1.0 - existence)))
 
 
@@ -149,7 +149,7 @@ def _event_of(said: dict[str, Any]) -> Event:
     source, kind, reason = (printable(str(said[name]), 300) for name in ("source", "kind", "reason"))
     stamp_ns = int(said["stamp_ns"])
     if abs(stamp_ns) > FAR_NS:
-        raise ValueError("a time that no clock shows")
+        raise ValueError("a stamp that is out of range")
     return Event(stamp_ns, source, kind, reason, Severity(said["severity"]))
 
 

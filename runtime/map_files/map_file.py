@@ -220,7 +220,7 @@ def _decode_joint(header: dict[str, Any], counts: Mapping[str, int], payload: me
         if not (np.abs(arrays[name]) <= most).all():
             raise ValueError(f"a number of {name} is beyond {most:g}")
     if not (0 <= joint.scans < FAR >> 12 and ((joint.identities >= 0) & (joint.identities < FAR)).all()):
-        raise ValueError("a landmark or the number of scans has a count that no drive reaches")
+        raise ValueError("a landmark or the number of scans has an impossible count")
     hangs = joint.parents.max(axis=1, initial=ORPHAN) >= 0
     left = np.where(hangs[:, None, None], joint.residuals, joint.covariances_m2)[joint.in_state :]
     if not (_least_variances(left) >= LEAST_VARIANCE_M2).all() or not (_least_variances(_own(joint)) >= 0.0).all():

@@ -35,7 +35,7 @@ def read_map(path: Path) -> tuple[SavedMap, bytes]:
 def refuse_taken(path: Path) -> None:
     """Raises RunExistsError where something has this name."""
     if path.exists() or path.is_symlink():
-        raise RunExistsError(f"{path} exists already; maps are never overwritten, give another name with --out")
+        raise RunExistsError(f"{path} exists already; maps are never overwritten; give another name with --out")
 
 
 def write_new_map(path: Path, data: bytes) -> None:

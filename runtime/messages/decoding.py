@@ -42,7 +42,7 @@ def decoded(record: Record, decoder: Callable[[bytes], Decoded], place: str) -> 
         return decoder(record.data)
     except (ValueError, TypeError, KeyError, IndexError, AttributeError, ArithmeticError) as error:
         raise NotARunError(
-            f"{place}: a record of {printable(record.topic)} that no recorder writes "
+            f"{place}: an invalid record of {printable(record.topic)} "
             f"({printable(str(error), 300)}); infant log recover leaves out what is damaged"
         ) from error
 

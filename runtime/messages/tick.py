@@ -227,7 +227,7 @@ def _seen(message: Any, ranges_m: NDArray[np.float32] | None) -> ScanLike | None
     if message.seen != SCAN:
         return None
     if ranges_m is None:
-        raise ValueError(f"tick {message.seq} has seen a scan but no LaserScan stands before it")
+        raise ValueError(f"tick {message.seq} used a scan, but there is no LaserScan before it")
     bearings_rad = message.bearings_rad.copy()
     if bearings_rad.size == 0:
         bearings_rad = _bearings(message.bearing_first_rad, message.bearing_increment_rad, ranges_m.size)

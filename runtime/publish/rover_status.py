@@ -90,12 +90,12 @@ def believed(key: str, payload: bytes) -> dict[str, Any]:
         first = error.errors(include_url=False, include_input=False)[0]
         where = ".".join(map(str, first["loc"])) or "its text"
         why = printable(f"{where}: {first['msg']}", 200)
-        raise ValueError(f"{key} holds no status: {why}") from error
+        raise ValueError(f"{key} is not a valid status: {why}") from error
     if status.rover != match[1]:
         raise ValueError(f"{key} claims to be {printable(status.rover)}")
     of_a_tick = (status.seq, status.sigma, status.lateness_ms, status.landmarks)
     if any((each is None) != (status.pose is None) for each in of_a_tick):
-        raise ValueError(f"{key} holds half a pose")
+        raise ValueError(f"{key} holds an incomplete pose")
     cleaned: dict[str, Any] = _printable(status.model_dump())
     return cleaned
 

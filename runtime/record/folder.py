@@ -53,7 +53,7 @@ class RunFolder:
             ) from error
         if occupied:
             raise RunExistsError(
-                f"{path} exists and is not empty; runs are never overwritten, give another name with --out"
+                f"{path} exists and is not empty; runs are never overwritten; give another name with --out"
             )
         return cls(path)
 

@@ -147,7 +147,7 @@ class RunReader:
         what = self._paths[0] if len(self._paths) == 1 else self.folder.path
         more = len(self._losses) - LOSSES_SHOWN
         why = "; ".join(self._losses[:LOSSES_SHOWN]) + (f"; and {more} more, see infant log verify" if more > 0 else "")
-        return f"{what} is incomplete ({why}): {self._ticks} whole ticks can be read, {until}"
+        return f"{what} is incomplete ({why}): {self._ticks} complete ticks can be read, {until}"
 
     def records(self, topics: Collection[str] | None = None) -> Iterator[Record]:
         """Every message of the run in the order of writing, with a gap where something is missing between segments.
@@ -208,7 +208,7 @@ class RunReader:
                 wrong, skips = wrong + (topic == "/tick"), skips or topic == "/tick"
                 continue
             if begins and wrong:
-                yield encode_gap(Gap(record.stamp_ns, wrong, 0, "ticks that no recorder writes"))
+                yield encode_gap(Gap(record.stamp_ns, wrong, 0, "invalid ticks"))
                 wrong = 0
             skips &= not begins
             if not skips:
@@ -241,7 +241,7 @@ class RunReader:
     def _refuse(self, path: Path, why: str) -> None:
         """Raises NotARunError for what no recorder writes, unless such a thing is to be passed over."""
         if not self._tolerant:
-            raise NotARunError(f"{path} is not what a recorder writes: {why}; see infant log verify")
+            raise NotARunError(f"{path} is not a valid run: {why}; see infant log verify")
 
     def _number(self, file: McapPrefix) -> int:
         """Which segment this is; leaves damage in a file that does not belong to the run."""

@@ -52,9 +52,7 @@ def gather(run: Path) -> RunFacts:
     if not pass_.rows:
         if not pass_.ticks:
             why = f": {reader.truncated}" if reader.truncated else ""
-            raise UsageError(
-                f"{reader.folder.path} holds not a single complete tick, so there is nothing to review{why}"
-            )
+            raise UsageError(f"{reader.folder.path} holds no complete tick, so there is nothing to review{why}")
         raise UsageError(f"{reader.folder.path} holds no estimates; replay it first: infant replay {run}")
     return pass_.facts(reader, inputs, configuration, clock)
 

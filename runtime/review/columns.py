@@ -166,7 +166,7 @@ def _columns(kind: str, rows: list[Any], height: float) -> Any:
             )
         case "text":
             return rr.TextLog.columns(text=[row[0] for row in rows], level=[row[1] for row in rows])
-    raise ValueError(f"{kind=} is none of the kinds of rows")
+    raise ValueError(f"{kind=} is not a kind of row")
 
 
 def _ellipse_columns(rows: list[Any], height: float) -> Any:

@@ -150,7 +150,7 @@ def load_configuration_text(
     tree = translated(tree)[0] if recorded else tree
     for key, value in (overrides or {}).items():
         _set(tree, key, value)
-    if problems := [f"{key}: unknown key; the geometry stands in [vehicle]" for key in _handed_on(tree)]:
+    if problems := [f"{key}: unknown key; the geometry is set in [vehicle]" for key in _handed_on(tree)]:
         raise _refused(source, problems)
     try:
         # JSON mode: strict about types, yet lists fill tuples and words fill enumerations

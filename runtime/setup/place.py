@@ -33,7 +33,7 @@ def place_trouble(program: Path, needed: Iterable[Path], root: Path = Path("/"))
         for seen in (path.absolute(), path.resolve()):
             for hidden in HIDDEN:
                 if seen.is_relative_to(root / hidden.relative_to("/")):
-                    return f"{seen} lies under {hidden}, which the service cannot see; {REMEDY}"
+                    return f"{seen} is below {hidden}, which the service cannot see; {REMEDY}"
             for above in (seen, *seen.parents):
                 wanted = stat.S_IROTH | (stat.S_IXOTH if above.is_dir() else 0)
                 if above.is_relative_to(root) and above.stat().st_mode & wanted != wanted:

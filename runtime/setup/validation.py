@@ -45,7 +45,7 @@ def validate_for_live_run(configuration: Configuration, source: str) -> None:
             raise ConfigurationError(f"{source}: {error}") from error
     if configuration.simulation is None and (absent := [key for key in GEOMETRY if not _is_set(configuration, key)]):
         raise ConfigurationError(
-            f"{source}: {absent[0]}: missing; measure it on the rover, geometry is never guessed ('infant "
+            f"{source}: {absent[0]}: missing; measure it on the rover: geometry is never guessed ('infant "
             "setup' asks for it)"
         )
 

@@ -24,7 +24,7 @@ class SentBytes:
             self._laser = (folder / "laser.logr").open("xb")
             self._wheels = (folder / "wheels.candump").open("x", encoding="ascii")
         except FileExistsError as error:
-            raise RunExistsError(f"{folder} exists; nothing is overwritten, give another name") from error
+            raise RunExistsError(f"{folder} exists; nothing is overwritten; give another name") from error
         except OSError as error:
             raise StorageError(
                 f"{folder} cannot be created ({error.strerror}); give another folder with --record"

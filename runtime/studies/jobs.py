@@ -83,7 +83,7 @@ def _client(scheduler: str) -> Iterator[Any]:
         import distributed
     except ModuleNotFoundError as error:
         raise UsageError(
-            "--scheduler: several processes need the extra: pip install 'infant[cluster]'; or give --scheduler none"
+            "--scheduler: this needs optional packages: pip install 'infant[cluster]'; or give --scheduler none"
         ) from error
     if scheduler != "local":
         try:

@@ -87,7 +87,7 @@ def sweep(
         import pyarrow
         from pyarrow import parquet
     except ModuleNotFoundError as error:
-        raise UsageError("sweep writes Parquet and needs the extra: pip install 'infant[cluster]'") from error
+        raise UsageError("sweep writes Parquet and needs optional packages: pip install 'infant[cluster]'") from error
     grid = settings_grid(words)
     labels: list[Row] = []
     jobs = []

@@ -81,7 +81,9 @@ def read_eds(path: Path, node: int) -> Any:
     if len(content.splitlines()) > MOST_LINES:
         raise DriverError(f"{path}: has more than {MOST_LINES} lines; give the path of an EDS in layout.file")
     if ENDLESS.search(content):
-        raise DriverError(f"{path}: counts millions of entries, which no device has; correct the file or name another")
+        raise DriverError(
+            f"{path}: counts millions of entries, more than any device has; correct the file or name another"
+        )
     try:
         return canopen.import_od(_NamedText(content, path), node)
     except Exception as error:

@@ -19,8 +19,8 @@ def padded_ranges(scans: Sequence[Sequence[float] | RangeArray]) -> RangeArray:
     cells = len(counts) * max(counts)
     if cells > max(FREE_CELLS, MOST_PADDING * sum(counts)):
         raise DataSetError(
-            f"its scans have {min(counts)} to {max(counts)} beams, {sum(counts) / len(counts):.0f} on average: not of "
-            "one laser; take the long ones out"
+            f"its scans have {min(counts)} to {max(counts)} beams, {sum(counts) / len(counts):.0f} on average: not "
+            "from one laser; remove the long ones"
         )
     ranges: RangeArray = np.full((len(scans), max(counts)), np.nan, np.float32)
     for row, scan in zip(ranges, scans, strict=True):

@@ -56,7 +56,7 @@ def step_sentences(steps: Sequence[tuple[int, float]], at: Callable[[int], str])
         for row, step_s in steps[:STEPS_TOLD]
     ]
     more = len(steps) - STEPS_TOLD
-    return told + ([f"and {more} more times: whoever wrote this had no clock that goes on"] if more > 0 else [])
+    return told + ([f"and {more} more times: the clock of the recording was not monotonic"] if more > 0 else [])
 
 
 def longest_rising(stamps_s: FloatArray) -> BoolArray:

@@ -37,7 +37,7 @@ USELESS = {
     "wrong_size": "another number of steps than was asked for",
     "stale_stamp": "the laser's clock stood still",
     "frozen_scans": "the ranges are frozen",
-    "future_stamps": "the stamp lies after the arrival",
+    "future_stamps": "the stamp is after the arrival",
     "out_of_order": "the stamp is not later than the one before",
     "refused": "the laser said why it sends none",
 }

@@ -96,7 +96,7 @@ def _mirrored(facts: RunFacts) -> list[Finding]:
             Severity.ERROR,
             "The scans are mirrored: they turn left when the wheels turn right",
             ("wheels and scans agree if left and right are swapped in every scan, and disagree as configured",),
-            "the laser stands upright, but the configuration says upside down"
+            "the laser is upright, but the configuration says upside down"
             if believed
             else "the laser hangs upside down, or the left and right wheels are swapped",
             f"set slam.mount.upside_down = {str(not believed).lower()}; swap the wheels if it is the map "

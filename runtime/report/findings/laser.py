@@ -180,7 +180,7 @@ def _rate(facts: RunFacts) -> list[Finding]:
                 f"The loop used {rate_hz:.1f} of the laser's {1.0 / period_s:.1f} scans per second: the others came "
                 "late, two to a beat",
                 (
-                    f"passed over {when}",
+                    f"ignored {when}",
                     "every sweep arrived; when two came within one beat, the loop used the newer one",
                 ),
                 "the host or the network was busy and held scans up",

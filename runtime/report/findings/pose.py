@@ -77,7 +77,7 @@ def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval,
         if not facts.scans.are_sweeps:
             return (
                 "no landmark was sighted",
-                "place landmarks: without them the pose is dead reckoning",
+                "put up landmarks, such as posts: without them the pose is dead reckoning",
             )
         if facts.imported:
             return "the recording holds no scans then", "no action needed: the pose is dead reckoning there"
@@ -85,15 +85,18 @@ def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval,
     if np.median(ticks.apart_m[holds]) > UNCERTAIN_GAP_M:
         return (
             "the particles have drifted from the joint Gaussian, whose pose is published and may still be right",
-            "raise slam.particles; look at what happened when it began",
+            "raise slam.particles; look at what happened at that time",
         )
     score = ticks.counts.get("doubt_score")
     if score is not None and np.nanmedian(score[holds]) >= 0.5 * quality.lost_score:
         return (
             "landmarks of the map are not where they should be: the rover was carried or slipped, or a match was wrong",
-            "put the rover where the map is known; look at what happened when it began",
+            "drive back to where the pose was good; look at what happened when it was lost",
         )
-    return "too few landmarks are in view, or matches contradict each other", "raise slam.particles; place landmarks"
+    return (
+        "too few landmarks are in view, or matches contradict each other",
+        "raise slam.particles; put up landmarks, such as posts",
+    )
 
 
 def _blind(facts: RunFacts, intervals: tuple[Interval, ...]) -> bool:

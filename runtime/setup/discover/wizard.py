@@ -77,7 +77,7 @@ def set_up(
     UsageError where an answer cannot be used.
     """
     if path.exists():
-        raise StorageError(f"{path} exists; a configuration is never overwritten, give another name with --out")
+        raise StorageError(f"{path} exists; a configuration is never overwritten; give another name with --out")
     if name is not None:
         rover_name(name)
     dbc = None if known.dbc is None else str(known.dbc)

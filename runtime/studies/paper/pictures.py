@@ -15,7 +15,7 @@ try:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 except ModuleNotFoundError as error:
-    raise UsageError("the pictures need the extra: pip install 'infant[review]'") from error
+    raise UsageError("the pictures need optional packages: pip install 'infant[review]'") from error
 
 COLOURS = {"truth": "black", "particles": "tab:blue", "published": "tab:red", "odometry": "tab:gray"}
 NAMES = {"normal": "normal estimation", "proposed": "proposed, unscented", "ekf": "proposed, EKF (FastSLAM 2.0)"}

@@ -41,7 +41,7 @@ FOUND = Calibration(
         Quantity("range_noise_m", 0.012, 0.011, 0.013),
     ),
     (),
-    ("turn more to the left: turning left is 0.4 rad, wanted 2.5 rad",),
+    ("turn more to the left: turning left was 0.4 rad, and 2.5 are needed",),
     50,
     1,
     0,

@@ -10,7 +10,7 @@ import typer
 from typer.testing import CliRunner
 
 from runtime.cli import __main__ as cli
-from runtime.cli.help import EXAMPLES, GROUPS, first_sentence
+from runtime.cli.help import EXAMPLES, GROUPS, first_sentence, plain_ranges
 from runtime.cli.output import say_json
 from runtime.errors import InfantError
 
@@ -67,7 +67,7 @@ def test_the_version_is_printed() -> None:
         (
             ("setup", "--yes", "--tread", "0.4", "--json"),
             2,
-            "if it is behind): missing; measure it",
+            "if it is behind): missing; measure",
         ),
     ],
 )
@@ -101,3 +101,15 @@ def test_an_answer_is_not_followed_by_a_second_object(
     monkeypatch.setattr(cli, "app", answer_and_fail)
     assert ended(monkeypatch, "check", "--json") == 70
     assert json.loads(capsys.readouterr().out) == {"result": "FAIL"}
+
+
+@pytest.mark.parametrize(
+    ("told", "shown"),
+    [
+        ("cell size, m  [default: 0.1; 0.02<=x<=10.0]", "cell size, m  [default: 0.1; 0.02 to 10]"),
+        ("seconds  [1.0<=x<=100000000.0]", "seconds  [at least 1]"),
+        ("a name  [required]", "a name  [required]"),
+    ],
+)
+def test_a_range_is_written_as_a_person_writes_it(told: str, shown: str) -> None:
+    assert plain_ranges(told) == shown

@@ -128,7 +128,9 @@ def test_a_value_that_is_refused_is_told_in_plain_words(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     answer, _, _ = said(monkeypatch, capsys, "run", "--config", "mock", "--duration", "-1")
-    assert answer["error"]["reason"] == "Invalid value for '--duration': it has to be greater than or equal to 0.1"
+    assert answer["error"]["reason"] == "Invalid value for '--duration': expected at least 0.1"
+    answer, _, _ = said(monkeypatch, capsys, "run", "--config", "mock", "--seed", "1.5")
+    assert answer["error"]["reason"] == "Invalid value for '--seed': expected a whole number"
     answer, _, _ = said(monkeypatch, capsys, "check", "--config", "mock", "--set", "slam.particles=-5")
     assert "slam.particles = -5: expected at least 1; change it on the command line" in answer["error"]["reason"]
 

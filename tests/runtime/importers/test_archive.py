@@ -315,8 +315,8 @@ def archive_of(path: Path, names: list[str], packing: int = zipfile.ZIP_STORED) 
     ("names", "packing", "why"),
     [
         (["scan_t"], zipfile.ZIP_STORED, "scan_t cannot be read"),
-        (["scan_t"] * 2, zipfile.ZIP_STORED, "a name twice"),
-        (["scan_t"], zipfile.ZIP_LZMA, "packed as numpy does not"),
+        (["scan_t"] * 2, zipfile.ZIP_STORED, "a duplicate name"),
+        (["scan_t"], zipfile.ZIP_LZMA, "not packed by numpy"),
         ([f"x{k}" for k in range(6000)], zipfile.ZIP_STORED, "list of contents is longer"),
     ],
 )

@@ -186,7 +186,7 @@ def test_a_part_of_a_compressed_log_is_read_to_its_last_whole_line(tmp_path: Pat
     (tmp_path / "a.log.gz").write_bytes(packed[: round(share * len(packed))])
     result = import_data_set(tmp_path / "a.log.gz", tmp_path / "run")
     assert share * 60 - 6 < result["scans"] < 60
-    assert any("last whole line: the compressed file ends early" in warning for warning in result["warnings"])
+    assert any("last complete line: the compressed file ends early" in warning for warning in result["warnings"])
 
 
 def test_a_comment_in_latin_1_does_no_harm(tmp_path: Path) -> None:

@@ -162,7 +162,7 @@ def test_a_configuration_without_encoders_cannot_read_a_candump(tmp_path: Path) 
 @pytest.mark.parametrize("content", [b"", b"hello\n", b"\0" * 500, b"1,2,3\n4,5,6\n", bytes(range(256)) * 9])
 def test_what_is_no_recording_is_told_what_a_source_may_be(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.log").write_bytes(content)
-    with pytest.raises(DataSetError, match="none of the recordings that can be read: a folder") as caught:
+    with pytest.raises(DataSetError, match="not a recording that can be imported; expected a folder") as caught:
         import_data_set(tmp_path / "a.log", tmp_path / "run")
     assert "pickle" not in str(caught.value)
     assert not (tmp_path / "run").exists()

@@ -133,7 +133,7 @@ def test_equally_spaced_bearings_need_two_numbers(view_rad: float, beams: int) -
 
 def test_a_tick_without_its_scan_is_refused() -> None:
     tick = make_tick(3, np.random.default_rng(1))
-    with pytest.raises(ValueError, match="tick 3 has seen a scan"):
+    with pytest.raises(ValueError, match="tick 3 used a scan"):
         decode_tick(encode_tick(tick).data)
 
 

@@ -100,4 +100,4 @@ def test_a_good_rover_is_shown_beside_others_that_answer_anything() -> None:
 
             assert until(both)
     assert [status["rover"] for status in found] == ["good"]
-    assert refused[0].startswith("infant/liar/status holds no status")
+    assert refused[0].startswith("infant/liar/status is not a valid status")

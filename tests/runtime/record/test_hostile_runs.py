@@ -155,7 +155,7 @@ def test_ticks_without_meaning_are_named_by_verify_and_left_out_by_recover(tmp_p
     ticks[2] = changed(ticks[2], "/scan", lambda data: data[:30])
     ticks[4] = changed(ticks[4], "/estimate", lambda data: data[:200])
     run = run_of(tmp_path / "run", ticks)
-    with pytest.raises(NotARunError, match=r"run\.mcap, byte \d+: a record of /tick"):
+    with pytest.raises(NotARunError, match=r"run\.mcap, byte \d+: an invalid record of /tick"):
         list(RunReader(run).ticks())
     found = verify_run(run)
     assert (found.ticks, len(found.damages)) == (4, 4)  # the tick of a scan that says nothing says nothing either

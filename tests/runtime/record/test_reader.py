@@ -85,7 +85,7 @@ def test_a_cut_at_any_byte_of_the_last_two_chunks_gives_the_exact_prefix(
     recorded = list(reader.ticks())
     assert [again.tick.seq for again in recorded] == seqs[: 2 * TICKS_A_CHUNK]
     assert is_prefix(recorded, ticks)
-    assert "6 whole ticks can be read, the last one 0.5 s after the first" in reader.truncated
+    assert "6 complete ticks can be read, the last one 0.5 s after the first" in reader.truncated
     by_topic = RunReader(folder)
     assert sum(record.topic == "/tick" for record in by_topic.records(("/tick", "/estimate"))) == 2 * TICKS_A_CHUNK
     assert by_topic.truncated == reader.truncated, "whoever reads them"

@@ -127,7 +127,7 @@ def test_a_truncated_run_replays_to_its_last_whole_tick_and_says_so(tmp_path: Pa
     result = replay(RunReader(tmp_path / "run"), CONFIGURATION, verify=True, estimator_factory=small)
     assert 0 < result.ticks < 200
     assert result.identical
-    assert f"{result.ticks} whole ticks can be read" in result.truncated
+    assert f"{result.ticks} complete ticks can be read" in result.truncated
 
 
 def test_memory_does_not_grow_with_the_run(tmp_path: Path) -> None:

@@ -81,7 +81,7 @@ def test_the_kind_of_a_fault_of_the_wheels_is_no_longer_called_its_name(tmp_path
 @pytest.mark.parametrize("key", ["slam.odometry.jump_speed_mps", "encoders.vehicle"])
 def test_what_is_handed_on_from_the_vehicle_is_no_key(key: str) -> None:
     for recorded in (True, False):
-        with pytest.raises(ConfigurationError, match=rf"{key}: unknown key; the geometry stands in \[vehicle\]"):
+        with pytest.raises(ConfigurationError, match=rf"{key}: unknown key; the geometry is set in \[vehicle\]"):
             load_configuration_text(text_of(key, 1), recorded=recorded)
 
 

@@ -182,7 +182,7 @@ def test_an_interpreter_out_of_the_services_sight_is_named(program: Path, tmp_pa
     link = program.with_name("python")
     link.symlink_to(interpreter)
     trouble = place_trouble(program, (link,), root=tmp_path)
-    assert f"{interpreter} lies under /{hidden}, which the service cannot see; clone to /opt/infant" in trouble
+    assert f"{interpreter} is below /{hidden}, which the service cannot see; clone to /opt/infant" in trouble
 
 
 def test_a_folder_that_only_its_owner_may_read_is_named(program: Path, tmp_path: Path) -> None:

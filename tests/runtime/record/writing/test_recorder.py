@@ -259,7 +259,7 @@ def test_a_killed_recording_replays_to_its_last_whole_chunk(tmp_path: Path, afte
     recorded = [again.tick for again in reader.ticks()]
     assert [tick.seq for tick in recorded] == list(range(len(recorded)))
     assert len(recorded) <= put_last + 2
-    assert f"{len(recorded)} whole ticks" in reader.truncated
+    assert f"{len(recorded)} complete ticks" in reader.truncated
 
 
 @pytest.mark.bench
