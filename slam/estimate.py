@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray, IntArray
+from slam.arithmetic.elementary import squared
 from slam.observations import Features
 from slam.pose import Pose2
 
@@ -125,5 +126,5 @@ class Estimate:
 
 def unknown_pose(stamp_ns: int, doubt: str) -> Estimate:
     """What is said where nothing can be: anywhere within UNKNOWN_M of the origin of the map, and lost."""
-    spread = np.diag((UNKNOWN_M**2, UNKNOWN_M**2, math.pi**2))
+    spread = np.diag((squared(UNKNOWN_M), squared(UNKNOWN_M), squared(math.pi)))
     return Estimate(stamp_ns, Pose2(), spread, Pose2(), spread, Pose2(), Quality.LOST, doubt=doubt)

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray, VerdictArray
+from slam.arithmetic.elementary import squared
+from slam.arithmetic.functions import cosines_sines
 from slam.pose import wrap_rads
 
 MOST_FEATURES = 64  # of a scan are matched, the most exact ones; real scans have 50 at most, and 256 took 200 ms
@@ -115,17 +117,18 @@ def usable_rows(features: Features, range_max_m: float, mount_yaw_rad: float) ->
         near = (features.ranges_m > 0.0) & (features.ranges_m <= range_max_m)
     usable = np.flatnonzero(finite & definite & near)
     if len(usable) > MOST_FEATURES:
-        spread = c[usable, 0, 0] + features.ranges_m[usable] ** 2 * c[usable, 1, 1]
+        spread = c[usable, 0, 0] + np.square(features.ranges_m[usable]) * c[usable, 1, 1]
         usable = np.sort(usable[np.argsort(spread, kind="stable")[:MOST_FEATURES]])
     c, ranges, bearings = c[usable], features.ranges_m[usable], wrap_rads(features.bearings_rad[usable])
+    ahead, left = cosines_sines(bearings + mount_yaw_rad)
     return FeatureRows(
         ranges,
         bearings,
         c[:, 0, 0].copy(),
         0.5 * (c[:, 0, 1] + c[:, 1, 0]),
         c[:, 1, 1].copy(),
-        np.cos(bearings + mount_yaw_rad),
-        np.sin(bearings + mount_yaw_rad),
+        ahead,
+        left,
         features.may_create[usable],
         features.identities[usable],
         usable,
@@ -143,8 +146,8 @@ def as_repeated(
     range and bearing, that stays the same on that way: which edge of a thing is seen, and between which beams.
     """
     rr, bb = rows.rr.copy(), rows.bb.copy()
-    along, across = np.minimum(lasting[0] ** 2, rr[matched]), np.minimum(lasting[1] ** 2, bb[matched])
-    square_m = along + rows.ranges_m[matched] ** 2 * across
+    along, across = np.minimum(squared(lasting[0]), rr[matched]), np.minimum(squared(lasting[1]), bb[matched])
+    square_m = along + np.square(rows.ranges_m[matched]) * across
     more = (LASTING_M / min(max(way_m, LEAST_STEP_M), LASTING_M) - 1.0) * square_m
     more = more / np.maximum(np.maximum(square_m, off_squares), SMALLEST)
     rr[matched] += more * along

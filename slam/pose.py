@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray
+from slam.arithmetic.elementary import cosine_sine
 
 
 def wrap_rad(angle: float) -> float:
@@ -35,7 +36,7 @@ class Pose2:
 
     def __matmul__(self, other: "Pose2") -> "Pose2":
         """Composition: a_from_b @ b_from_c is a_from_c."""
-        cosine, sine = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        cosine, sine = cosine_sine(self.heading_rad)
         return Pose2(
             self.x_m + cosine * other.x_m - sine * other.y_m,
             self.y_m + sine * other.x_m + cosine * other.y_m,
@@ -44,7 +45,7 @@ class Pose2:
 
     def inverse(self) -> "Pose2":
         """a_from_b becomes b_from_a."""
-        cosine, sine = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        cosine, sine = cosine_sine(self.heading_rad)
         return Pose2(
             -cosine * self.x_m - sine * self.y_m,
             sine * self.x_m - cosine * self.y_m,
@@ -53,13 +54,19 @@ class Pose2:
 
     def transform(self, points_m: FloatArray) -> FloatArray:
         """Points (N, 2) of the inner frame in the outer frame."""
-        cosine, sine = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        cosine, sine = cosine_sine(self.heading_rad)
         x, y = points_m[..., 0], points_m[..., 1]
         return np.stack((self.x_m + cosine * x - sine * y, self.y_m + sine * x + cosine * y), axis=-1)
 
     def as_array(self) -> FloatArray:
         """(3,) x, y, heading."""
         return np.array((self.x_m, self.y_m, self.heading_rad))
+
+
+def turning(angle: float) -> FloatArray:
+    """(2, 2) that turns vectors counter-clockwise."""
+    cosine, sine = cosine_sine(angle)
+    return np.array(((cosine, -sine), (sine, cosine)))
 
 
 def rotated(vectors: FloatArray, angles_rad: FloatArray | float) -> FloatArray:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray
+from slam.arithmetic.elementary import logarithm, squared
 from slam.estimate import Quality
 from slam.joint.evidence import SETTLED_SCANS, Evidence
 from slam.settings.quality import QualitySettings
@@ -28,10 +29,10 @@ UNCERTAIN_GAP_M = 1.5  # m between particles and joint Gaussian beyond 3 sigma o
 UNCERTAIN_SQUARE = 8.0  # mean squared Mahalanobis distance of what is found, over a second; 2 is consistent
 LOST_SIGMA_M = 10.0  # m; standard deviation that is added to the published position while it is lost
 LOST_SIGMA_RAD = 1.8  # rad; the same for the heading: any heading is as likely as any other
-LOST_GROWTH = np.diag((LOST_SIGMA_M**2, LOST_SIGMA_M**2, LOST_SIGMA_RAD**2))
+LOST_GROWTH = np.diag((squared(LOST_SIGMA_M), squared(LOST_SIGMA_M), squared(LOST_SIGMA_RAD)))
 CEILING = 1.5  # times the bound: what the score can pile up, so that a rover that finds itself says so soon
 FADING = 0.02  # of the score a scan while nothing of the map is in view: it neither speaks for the pose nor against it
-LIES_ON_MAP = math.log(0.02 / 0.6)  # log-odds where a scan lies on the map: from a wrong pose and from a right one
+LIES_ON_MAP = logarithm(0.02 / 0.6)  # log-odds where a scan lies on the map: from a wrong pose and from a right one
 CONSISTENT = 2.0  # expected squared distance of a range and a bearing
 SMOOTHING = 0.1  # weight of one scan in the mean squared distance: it looks back a second
 QUICKLY = 0.3  # weight of one scan in what is known and found: one chance find in ten scans is not support

@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.measurements import FloatArray, Scan, ScanLike
 from slam.angles import beams_after_first, sees_all_round
+from slam.arithmetic.functions import arctangent, cosine_sine, logarithm
 from slam.compiled import leaf
 from slam.observations import FeatureRows, Sighting
 from slam.settings.tuning import Tuning
@@ -71,9 +72,9 @@ def in_clear_view(
     beams = sight.ranges_m.size
     if beams <= 0:
         return True
-    bearing = math.atan2(dy, dx) - sensor[2]
+    bearing = arctangent(dy, dx) - sensor[2]
     middle = beams_after_first(bearing, sight.first_bearing_rad, sight.step_rad, beams)
-    half_width = math.atan2(tuning.sight_half_width_m, distance) / sight.step_rad + 1.0
+    half_width = arctangent(tuning.sight_half_width_m, distance) / sight.step_rad + 1.0
     first, last = math.floor(middle - half_width), math.ceil(middle + half_width)
     if not sees_all_round(sight.step_rad, beams) and (first < 0 or last >= beams):
         return False
@@ -99,7 +100,7 @@ def is_in_sight(
     beams = sight.ranges_m.size
     if beams <= 0:
         return True
-    bearing = math.atan2(dy, dx) - sensor[2]
+    bearing = arctangent(dy, dx) - sensor[2]
     beam = round(beams_after_first(bearing, sight.first_bearing_rad, sight.step_rad, beams))
     if beam < 0 or beam >= beams:
         return False
@@ -110,7 +111,7 @@ def is_in_sight(
 @leaf
 def sensor_pose(pose: FloatArray, mount: FloatArray) -> tuple[float, float, float]:
     """map_from_laser x m, y m, heading rad."""
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    cosine, sine = cosine_sine(pose[2])
     return (
         pose[0] + cosine * mount[0] - sine * mount[1],
         pose[1] + sine * mount[0] + cosine * mount[1],
@@ -161,7 +162,7 @@ class SensorView:
         self._reach_m = max(self._reach_m, float(rows.ranges_m.max(initial=0.0)))
         self._half_rad = max(self._half_rad, float(np.abs(rows.bearings_rad).max(initial=0.0)))
         rate = self._finds / self._looks
-        certainty = math.log((1.0 - CHANCE) / (1.0 - min(max(rate, CHANCE), 0.99)))
+        certainty = logarithm((1.0 - CHANCE) / (1.0 - min(max(rate, CHANCE), 0.99)))
         reach_m, half_rad = SIGHTING_SHARE * self._reach_m, max(self._half_rad - SIGHTING_EDGE_RAD, SIGHTING_STEP_RAD)
         return field_of_view(reach_m, half_rad, min(certainty, 1.0))
 

@@ -15,6 +15,7 @@ from drivers.measurements import (
     WheelSample,
     uniform_bearings,
 )
+from slam.arithmetic.functions import cosines_sines
 from slam.front_end.alignment_kernels import EarlierScans, surface_normals
 from slam.front_end.alignment_search import Search
 from slam.front_end.wide_search import View, WideSearch
@@ -106,9 +107,10 @@ def _sightings(settings: SlamSettings, stamp_ns: int, moved_m: float) -> Sightin
 def _scan(_settings: SlamSettings, stamp_ns: int, moved_m: float) -> Scan:
     """Three poles before two walls."""
     bearings = uniform_bearings(-0.75 * np.pi, 1.5 * np.pi / (BEAMS - 1), BEAMS)
+    cosines, sines = cosines_sines(bearings)
     with np.errstate(divide="ignore"):
-        ahead = np.where(np.cos(bearings) > 0.0, (WALL_M - moved_m) / np.cos(bearings), np.inf)
-        left = np.where(np.sin(bearings) > 0.0, WALL_M / np.sin(bearings), np.inf)
+        ahead = np.where(cosines > 0.0, (WALL_M - moved_m) / cosines, np.inf)
+        left = np.where(sines > 0.0, WALL_M / sines, np.inf)
     ranges = np.minimum(ahead, left)
     for range_m, bearing_rad in POLES:
         near_m = range_m - moved_m
@@ -140,7 +142,7 @@ def warm_up_rare(joint: JointGaussian) -> None:
 def warm_up_wide_search() -> None:
     """A scan that is looked for on itself."""
     bearings = uniform_bearings(-1.5, 0.03, 100)
-    points = np.column_stack((5.0 * np.cos(bearings), 4.0 * np.sin(bearings)))
+    points = np.column_stack(cosines_sines(bearings)) * (5.0, 4.0)
     normals, start = np.empty_like(points), np.array(((0.0, 0.0, 1.0, 0.0),))
     surface_normals(points, 0.03, normals)
     search = Search(points, EarlierScans(points[None], normals[None], start, -1.5, 0.03))

@@ -1,6 +1,5 @@
 """The messages of a run that other tools read: standard ROS 2 types, stamped with the host's monotonic time."""
 
-import math
 import struct
 from collections.abc import Sequence
 from typing import Any
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from drivers.measurements import Event, Scan, Severity
 from runtime.messages.definitions import construct
 from runtime.messages.tick import Record, decode, encode
+from slam.arithmetic.elementary import cosine_sine
 from slam.estimate import Estimate
 from slam.pose import Pose2
 
@@ -88,9 +88,9 @@ TYPES_POSE = "geometry_msgs/msg/PoseWithCovariance"
 
 def ros_pose(pose: Pose2) -> Any:
     """geometry_msgs/Pose of a planar pose."""
-    half_rad = 0.5 * pose.heading_rad
+    w, z = cosine_sine(0.5 * pose.heading_rad)
     position = construct("geometry_msgs/msg/Point", x=pose.x_m, y=pose.y_m, z=0.0)
-    turn = construct("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(half_rad), w=math.cos(half_rad))
+    turn = construct("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=z, w=w)
     return construct("geometry_msgs/msg/Pose", position=position, orientation=turn)
 
 

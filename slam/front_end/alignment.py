@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray, Scan, ScanLike
+from slam.arithmetic.functions import cosine_sine
+from slam.arithmetic.small_matrices import inverse, squared_distance
 from slam.front_end.alignment_kernels import EarlierScans, surface_normals
 from slam.front_end.alignment_search import GATE_LAST_M, Search
 from slam.front_end.deskew import Beams, Twist, deskew, sharp_to_m
@@ -37,9 +39,9 @@ FIRST_USUAL_SHARE, USUAL_GAIN = 0.9, 0.05
 NEED_RANGE_M = 10.0  # at this distance: what a wrong heading moves
 WIDEST_SQUARE = 30.0  # nor where the result contradicts the wheels by this squared distance, unless they have slipped:
 SUSPECT_SQUARE = 11.3  # that wheels which were only suspected are off by, 99 % of what chance makes of three numbers
-SLIPPED = np.diag((0.15, 0.15, 0.1)) ** 2  # m^2, rad^2, of the motion by wheels that are suspected
+SLIPPED = np.diag(np.square((0.15, 0.15, 0.1)))  # m^2, rad^2, of the motion by wheels that are suspected
 FAR_SLIPPED = 4.0 * SLIPPED
-TURNED = np.diag((0.0, 0.0, 0.1)) ** 2  # of wheels of which one has slipped
+TURNED = np.diag(np.square((0.0, 0.0, 0.1)))  # of wheels of which one has slipped
 TURNED_STARTS = 9  # headings, where the scan lies worse than usual at those that the wheels admit
 SLIP_SHARE = 0.7  # so many points are on surfaces then
 SLIP_GAIN = 0.05  # and so many more than by the wheels' motion
@@ -155,7 +157,7 @@ class Alignment:
         earlier = EarlierScans(
             np.stack([self._beams(seen).points_m for seen in past]),
             np.stack([self._normals(seen) for seen in past]),
-            np.array([(p.x_m, p.y_m, math.cos(p.heading_rad), math.sin(p.heading_rad)) for p in past_from_body]),
+            np.array([(p.x_m, p.y_m, *cosine_sine(p.heading_rad)) for p in past_from_body]),
             float(now.scan.bearings_rad[0]),
             beams.spacing_rad,
         )
@@ -166,7 +168,7 @@ class Alignment:
         wheels were only suspected and are not clearly wrong.
         """
         prior = increment.mean
-        floor = np.array((WHEELS_SIGMA_M, WHEELS_SIGMA_M, WHEELS_SIGMA_RAD)) ** 2
+        floor = np.square((WHEELS_SIGMA_M, WHEELS_SIGMA_M, WHEELS_SIGMA_RAD))
         covariance = self._trust.scaled(increment.covariance + np.diag(floor))
         if not self._trust.is_as_claimed:
             increment = replace(increment, covariance=self._trust.scaled(increment.covariance))
@@ -178,7 +180,7 @@ class Alignment:
             turned = search.best(prior, covariance + TURNED, along=True)
             if turned[2] >= count - SLIP_GAIN * len(search.points_m):
                 motion, information, count = turned
-        elif _square(motion - prior, covariance) > SUSPECT_SQUARE:  # they hold the search where it cannot be
+        elif squared_distance(motion - prior, covariance) > SUSPECT_SQUARE:  # they hold the search where it cannot be
             for slip in (SLIPPED, FAR_SLIPPED):
                 freed = search.best(prior, covariance + slip, along=True, starts=TURNED_STARTS)
                 if freed[2] > count:
@@ -199,8 +201,8 @@ class Alignment:
         off = motion - prior
         if count < max(LEAST_POINTS, LEAST_SHARE * len(search.points_m)):
             return increment
-        refined: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
-        square = _square(off, covariance)
+        refined = inverse(information)
+        square = squared_distance(off, covariance)
         if not only_if_slipped:
             self._trust.compare(off, covariance, refined)
         contradicts = not square <= (SUSPECT_SQUARE if only_if_slipped else WIDEST_SQUARE)  # also where it is NaN
@@ -237,7 +239,7 @@ class Alignment:
 
     def _moved_by(self, increment: Increment, motion: FloatArray, information: FloatArray) -> Increment:
         """The increment with another motion (3,), known with that information (3, 3)."""
-        covariance = np.linalg.inv(information)
+        covariance = inverse(information)
         mean = motion.copy()
         mean[2] = wrap_rad(float(mean[2]))
         return replace(increment, mean=mean, covariance=0.5 * (covariance + covariance.T), at_rest=False)
@@ -288,10 +290,6 @@ class Alignment:
 def _off_m(covariance: FloatArray) -> float:
     variances = np.diag(covariance)
     return math.sqrt(variances[0] + variances[1]) + NEED_RANGE_M * math.sqrt(variances[2])
-
-
-def _square(off: FloatArray, covariance: FloatArray) -> float:
-    return float(off @ np.linalg.solve(covariance, off))
 
 
 def same_directions(first: Scan, second: Scan) -> bool:

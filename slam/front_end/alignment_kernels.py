@@ -7,6 +7,8 @@ import numpy as np
 
 from drivers.measurements import FloatArray
 from slam.angles import beams_after_first, sees_all_round
+from slam.arithmetic.functions import arctangent, cosine_sine, logarithm
+from slam.arithmetic.small_matrices import eliminate
 from slam.compiled import kernel
 
 ROUGH_M = 0.05  # RMS distance of returns from their line beyond which they are no surface
@@ -63,7 +65,9 @@ def surface_normals(points_m: FloatArray, spacing_rad: float, normals: FloatArra
                     break
                 dx, dy = points_m[other, 0] - x, points_m[other, 1] - y
                 square = dx * dx + dy * dy
-                if square > step * step * offset * offset or (offset > NEIGHBOURS and square > HALF_BASE_M**2):
+                if square > step * step * offset * offset or (
+                    offset > NEIGHBOURS and square > HALF_BASE_M * HALF_BASE_M
+                ):
                     break
                 if math.isnan(square):
                     continue
@@ -78,8 +82,8 @@ def surface_normals(points_m: FloatArray, spacing_rad: float, normals: FloatArra
         xx -= sum_x * sum_x / count
         yy -= sum_y * sum_y / count
         xy -= sum_x * sum_y / count
-        angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
-        cosine, sine = math.cos(angle), math.sin(angle)
+        angle = 0.5 * arctangent(2.0 * xy, xx - yy)
+        cosine, sine = cosine_sine(angle)
         across = sine * sine * xx - 2.0 * cosine * sine * xy + cosine * cosine * yy
         if across <= ROUGH_M * ROUGH_M * count:
             normals[beam, 0], normals[beam, 1] = -sine, cosine
@@ -92,7 +96,7 @@ def nearest_in_scan(
     """Beam whose return on a surface is nearest to the point (x, y) in its laser's frame, and the square; -1: none."""
     best, at, size = gate_m * gate_m, -1, points_m.shape[0]
     distance = math.sqrt(x * x + y * y)
-    centre = round(beams_after_first(math.atan2(y, x), first_rad, spacing_rad, size))
+    centre = round(beams_after_first(arctangent(y, x), first_rad, spacing_rad, size))
     reach = 1 + int(min(gate_m / max(distance, 0.05) / spacing_rad, float(WINDOW_BEAMS)))
     low, high = centre - reach, centre + reach + 1
     if not sees_all_round(spacing_rad, size):
@@ -124,10 +128,10 @@ def normal_equations(
     A point that misses its surface by more than sigma counts less and less (Cauchy). Returns the number of points on
     surfaces and the cost; a point without a surface costs as much as one at the gate.
     """
-    variance = SIGMA_M * SIGMA_M + (SOFT_SHARE * gate_m) ** 2
+    variance = SIGMA_M * SIGMA_M + SOFT_SHARE * gate_m * SOFT_SHARE * gate_m
     share = stride / CORRELATED_BEAMS
-    lost = 0.5 * share * math.log(1.0 + gate_m * gate_m / variance)
-    cosine, sine = math.cos(motion[2]), math.sin(motion[2])
+    lost = 0.5 * share * logarithm(1.0 + gate_m * gate_m / variance)
+    cosine, sine = cosine_sine(motion[2])
     count, cost = 0, 0.0
     for point in range(0, points_m.shape[0], stride):
         turned_x = cosine * points_m[point, 0] - sine * points_m[point, 1]
@@ -148,7 +152,7 @@ def normal_equations(
             cost += lost
             continue
         count += 1
-        cost += 0.5 * share * math.log(1.0 + off * off / variance)
+        cost += 0.5 * share * logarithm(1.0 + off * off / variance)
         slope_turn = slope_y * turned_x - slope_x * turned_y
         weight = share / (variance + off * off)
         information[0, 0] += weight * slope_x * slope_x
@@ -179,7 +183,7 @@ def descend(
     points_m (p, 2): the new scan in the frame whose motion is sought. motion and information (3, 3) are overwritten.
     Returns points on surfaces and the cost, before the last step.
     """
-    gradient, step = np.empty(3), np.empty(3)
+    gradient, work, step = np.empty(3), np.empty((3, 3)), np.empty((3, 1))
     count, cost = 0, math.inf
     for gate in range(gates_m.size):
         prior_cost = 0.0
@@ -194,8 +198,10 @@ def descend(
         for row in range(3):
             for column in range(row):
                 information[row, column] = information[column, row]
-        step[:] = np.linalg.solve(information, gradient)
-        motion -= step
-        if gates_m[gate] == gates_m[-1] and abs(step[0]) + abs(step[1]) + abs(step[2]) < SETTLED:
+        work[:], step[:, 0] = information, gradient
+        if not eliminate(work, step):
+            break
+        motion -= step[:, 0]
+        if gates_m[gate] == gates_m[-1] and abs(step[0, 0]) + abs(step[1, 0]) + abs(step[2, 0]) < SETTLED:
             break
     return count, cost

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray
+from slam.arithmetic.elementary import exponential, logarithm
+from slam.arithmetic.small_matrices import eigen, inner, inverse
 from slam.front_end.alignment_kernels import EarlierScans, Prior, descend, normal_equations
 
 GATE_FIRST_M = 1.0  # points farther from the nearest surface are left out at first, m; what 10 deg move at 6 m
@@ -22,6 +24,15 @@ NARROWING_STEPS = 6  # steps from the first gate to the last
 FINAL_STEPS = 10  # at most so many steps at the last gate, all points
 COARSE_POINTS = 60  # at most so many points while the gate narrows
 START_DEVIATIONS = 3.0
+
+
+def narrowing(first_m: float, steps: int) -> FloatArray:
+    """(steps,) gates from the first to GATE_LAST_M, each smaller than the one before by the same share."""
+    share = logarithm(GATE_LAST_M / first_m) / (steps - 1)
+    return np.array((*(first_m * exponential(share * step) for step in range(steps - 1)), GATE_LAST_M))
+
+
+NARROWING_M = narrowing(GATE_FIRST_M, NARROWING_STEPS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,20 +51,19 @@ class Search:
         in the position that goes with it. along: then also along the direction in which the scan says least of the
         position, as in a corridor, where only door frames tell a wrong place from the right one.
         """
-        wheels = Prior(prior, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
-        narrowing = np.geomspace(GATE_FIRST_M, GATE_LAST_M, NARROWING_STEPS)
+        wheels = Prior(prior, inverse(covariance))
         coarse = max(1, -(-len(self.points_m) // COARSE_POINTS))
         number = STARTS if starts is None else starts
         offsets = np.linspace(-START_DEVIATIONS, START_DEVIATIONS, number) if number > 1 else np.zeros(1)
         places = [prior + off * covariance[:, 2] / math.sqrt(covariance[2, 2]) for off in offsets]
-        motion = self._cheapest(wheels, places, coarse, narrowing)
+        motion = self._cheapest(wheels, places, coarse, NARROWING_M)
         last = np.full(FINAL_STEPS, GATE_LAST_M)
         posterior, count, cost = self._descend(wheels, motion, 1, last)
         if along:
             direction = _least_known(posterior - wheels.information)
             places = [motion + off_m * direction for off_m in ALONG_M]
             other = self._cheapest(wheels, places, coarse, np.full(ALONG_STEPS, GATE_LAST_M))
-            if abs(float((other - motion) @ direction)) > RIVAL_M:
+            if abs(inner(other - motion, direction)) > RIVAL_M:
                 its_posterior, its_count, its_cost = self._descend(wheels, other, 1, last)
                 if its_cost < cost:
                     return other, its_posterior, its_count
@@ -63,7 +73,7 @@ class Search:
         self, prior: FloatArray, covariance: FloatArray, start: FloatArray, gates_m: FloatArray
     ) -> tuple[FloatArray, FloatArray, int]:
         """The same from one start (3,), few points through gates_m (g,) and then all."""
-        wheels = Prior(prior, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
+        wheels = Prior(prior, inverse(covariance))
         motion = start.copy()
         self._descend(wheels, motion, max(1, -(-len(self.points_m) // COARSE_POINTS)), gates_m)
         posterior, count, _ = self._descend(wheels, motion, 1, np.full(FINAL_STEPS, GATE_LAST_M))
@@ -98,5 +108,5 @@ class Search:
 
 def _least_known(information: FloatArray) -> FloatArray:
     """The direction (3,), without turn, of which a scan with this information (3, 3) says least."""
-    _, directions = np.linalg.eigh(information[:2, :2])
+    _, directions = eigen(information[:2, :2])
     return np.array((*directions[:, 0], 0.0))

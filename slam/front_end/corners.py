@@ -10,6 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
+from slam.arithmetic import elementary
+from slam.arithmetic.elementary import squared
+from slam.arithmetic.functions import arctangent, cosine_sine, hypotenuse
 from slam.compiled import kernel
 from slam.front_end.deskew import Beams
 from slam.front_end.trunks import PROMINENCE_M, Holes, clear_beside
@@ -22,7 +25,7 @@ LINE_M = 0.2  # least length of a wall, m
 CORNER_RAD = 0.7  # least turn of a wall at a corner, rad
 END_SPACING_M = 0.12  # a wall's end is used if its beams are so close there, m
 SIGMA_CORNER_M = 0.02  # how far a corner is from the meeting of two lines, m; real ones are blunt
-CORNER_SINE = math.sin(CORNER_RAD)
+CORNER_SINE = elementary.cosine_sine(CORNER_RAD)[1]
 CORNER, WALL_END = 0, 1
 
 
@@ -112,8 +115,8 @@ def _fit_line(points_m: FloatArray, first: int, last: int, before: Line) -> Line
             xx += x * x
             yy += y * y
             xy += x * y
-    angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
-    cosine, sine = math.cos(angle), math.sin(angle)
+    angle = 0.5 * arctangent(2.0 * xy, xx - yy)
+    cosine, sine = cosine_sine(angle)
     along = cosine * cosine * xx + 2.0 * cosine * sine * xy + sine * sine * yy
     across = sine * sine * xx - 2.0 * cosine * sine * xy + cosine * cosine * yy
     toward_x, toward_y = points_m[last, 0] - points_m[first, 0], points_m[last, 1] - points_m[first, 1]
@@ -129,7 +132,7 @@ def _write(features: FloatArray, count: int, spot: Spot, beam: int, kind: int) -
     square = x * x + y * y
     distance = math.sqrt(square)
     row = features[count]
-    row[0], row[1] = distance, math.atan2(y, x)
+    row[0], row[1] = distance, arctangent(y, x)
     row[2] = (x * x * xx + 2.0 * x * y * xy + y * y * yy) / square
     row[3] = (-x * y * xx + (x * x - y * y) * xy + x * y * yy) / (square * distance)
     row[4] = (y * y * xx - 2.0 * x * y * xy + x * x * yy) / (square * square)
@@ -212,9 +215,7 @@ def _corners(points_m: FloatArray, ranges_m: FloatArray, runs: IntArray, limits:
                 from_beam = begin + (inner if piece > 0 else 0)
                 to_beam = end - (inner if piece < pieces - 2 else 0)
                 line = _fit_line(points_m, from_beam, to_beam, line)
-            length = math.sqrt(
-                (points_m[end, 0] - points_m[begin, 0]) ** 2 + (points_m[end, 1] - points_m[begin, 1]) ** 2
-            )
+            length = hypotenuse(points_m[end, 0] - points_m[begin, 0], points_m[end, 1] - points_m[begin, 1])
             short = end - begin + 1 < LINE_BEAMS or line.points < LINE_BEAMS - 2 or length < LINE_M
             if short or line.rms_m > limits.rms_m:
                 bends = False
@@ -237,5 +238,7 @@ def corners(beams: Beams, runs: IntArray, settings: FrontEndSettings, holes: Hol
     """
     found = np.empty((len(beams) + 2, 8))
     sigma_m = settings.sigma_range_m
-    limits = Limits(beams.spacing_rad, settings.width_max_m, LINE_RMS_M + sigma_m, sigma_m**2, SIGMA_CORNER_M**2, holes)
+    limits = Limits(
+        beams.spacing_rad, settings.width_max_m, LINE_RMS_M + sigma_m, squared(sigma_m), squared(SIGMA_CORNER_M), holes
+    )
     return found[: _corners(beams.points_m, beams.ranges_m, runs, limits, found)]

@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.measurements import FloatArray, Scan, ScanLike
 from slam.angles import wrapped
+from slam.arithmetic.functions import arctangent, cosine_sine, cosines_sines
 from slam.compiled import kernel
 from slam.observations import Features
 from slam.pose import Pose2
@@ -97,13 +98,13 @@ def with_motion_noise(features: Features, scan: ScanLike, covariance: FloatArray
         return features
     away_s = np.abs((features.beams - scan.stamp_beam) * scan.beam_period_s)
     share = np.where(features.beams >= 0, np.minimum(away_s / duration_s, 1.0), 0.0)
-    cosine, sine = np.cos(features.bearings_rad), np.sin(features.bearings_rad)
+    cosine, sine = cosines_sines(features.bearings_rad)
     xx, xy, yy, turned = covariance[0, 0], covariance[0, 1], covariance[1, 1], covariance[2, 2]
-    along = cosine**2 * xx + 2.0 * cosine * sine * xy + sine**2 * yy
-    across = sine**2 * xx - 2.0 * cosine * sine * xy + cosine**2 * yy
+    along = cosine * cosine * xx + 2.0 * cosine * sine * xy + sine * sine * yy
+    across = sine * sine * xx - 2.0 * cosine * sine * xy + cosine * cosine * yy
     wider = features.covariances.copy()
     wider[:, 0, 0] += share * along
-    wider[:, 1, 1] += share * (turned + across / np.maximum(features.ranges_m, NEAREST_M) ** 2)
+    wider[:, 1, 1] += share * (turned + across / np.square(np.maximum(features.ranges_m, NEAREST_M)))
     return replace(features, covariances=wider)
 
 
@@ -131,13 +132,13 @@ def _deskew(
 ) -> None:
     measured_m, directions_rad, beam_period_s, stamp_beam = sweep
     ranges_m, bearings_rad, points_m, rays = beams
-    mount_cosine, mount_sine = math.cos(mount[2]), math.sin(mount[2])
+    mount_cosine, mount_sine = cosine_sine(mount[2])
     moving = beam_period_s != 0.0 and (twist[0] != 0.0 or twist[1] != 0.0 or twist[2] != 0.0)
     for beam in range(measured_m.shape[0]):
         delay = (beam - stamp_beam) * beam_period_s
         turn = twist[2] * delay
-        ray_x, ray_y = math.cos(directions_rad[beam]), math.sin(directions_rad[beam])
-        cosine, sine = math.cos(turn), math.sin(turn)
+        ray_x, ray_y = cosine_sine(directions_rad[beam])
+        cosine, sine = cosine_sine(turn)
         rays[beam, 0], rays[beam, 1] = cosine * ray_x - sine * ray_y, sine * ray_x + cosine * ray_y
         measured = measured_m[beam]
         if not (range_min_m <= measured < range_max_m):
@@ -150,8 +151,8 @@ def _deskew(
             continue
         # Along a circular arc: the chord has the direction of half the turn and is shorter by sin(h)/h.
         half = 0.5 * turn
-        chord = delay * (1.0 - half * half / 6.0 if abs(half) < 1e-3 else math.sin(half) / half)
-        half_cosine, half_sine = math.cos(half), math.sin(half)
+        half_cosine, half_sine = cosine_sine(half)
+        chord = delay * (1.0 - half * half / 6.0 if abs(half) < 1e-3 else half_sine / half)
         moved_x = chord * (half_cosine * twist[0] - half_sine * twist[1])
         moved_y = chord * (half_sine * twist[0] + half_cosine * twist[1])
         body_x = mount[0] + mount_cosine * x - mount_sine * y
@@ -162,4 +163,4 @@ def _deskew(
         y = mount_cosine * lever_y - mount_sine * lever_x
         points_m[beam, 0], points_m[beam, 1] = x, y
         ranges_m[beam] = math.sqrt(x * x + y * y)
-        bearings_rad[beam] = directions_rad[beam] + wrapped(math.atan2(y, x) - directions_rad[beam])
+        bearings_rad[beam] = directions_rad[beam] + wrapped(arctangent(y, x) - directions_rad[beam])

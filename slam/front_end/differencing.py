@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from drivers.measurements import BoolArray, FloatArray, Scan, VerdictArray
 from slam.angles import sees_all_round
+from slam.arithmetic.functions import cosine_sine
 from slam.compiled import kernel
 from slam.front_end.deskew import Beams
 from slam.observations import BeamVerdict
@@ -200,7 +201,7 @@ def _look_back(
     """Count for every point (n, 2) whether one past scan looked at its place and whether it found it."""
     past_points_m, past_ranges_m, past_rays, spacing_rad = past
     tolerance_rad = TOLERANCE_RAD + 0.5 * spacing_rad
-    cosine, sine = math.cos(past_from_now[2]), math.sin(past_from_now[2])
+    cosine, sine = cosine_sine(past_from_now[2])
     size = past_ranges_m.shape[0]
     is_ring = sees_all_round(spacing_rad, size)
     half_beam = 0.5 * spacing_rad

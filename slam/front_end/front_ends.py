@@ -5,6 +5,8 @@ from typing import Protocol
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray, Scan, ScanLike, Sightings, VerdictArray
+from slam.arithmetic.elementary import squared
+from slam.arithmetic.functions import cosines_sines
 from slam.front_end.corners import corners
 from slam.front_end.deskew import Beams, Twist, deskew
 from slam.front_end.differencing import DIFFERENCE_M, CompensatedVote, PlacedScan, equal_angle_difference
@@ -177,11 +179,11 @@ class RobustFrontEnd:
             is_trunk = np.zeros(len(runs), dtype=np.bool_)
             is_trunk[np.searchsorted(runs[:, 0], narrow[:, 4], side="right") - 1] = True
             walls = corners(beams, runs[~is_trunk], settings, holes)
-            floor = (settings.sigma_range_floor_m**2, 0.0, settings.sigma_bearing_floor_rad**2)
+            floor = (squared(settings.sigma_range_floor_m), 0.0, squared(settings.sigma_bearing_floor_rad))
             walls[:, 2:5] += floor
             rows, extents = np.vstack((rows, walls[:, :5])), np.vstack((extents, walls[:, 5:7]))
         if self._sparse and len(rows):
-            order = np.argsort(rows[:, 2] + rows[:, 0] ** 2 * rows[:, 4], kind="stable")
+            order = np.argsort(rows[:, 2] + np.square(rows[:, 0]) * rows[:, 4], kind="stable")
             kept = spaced(_points(rows[:, 0], rows[:, 1]), order, SPACING_M)
             rows, extents = rows[kept], extents[kept]
         return rows, extents.astype(np.int64)
@@ -194,12 +196,13 @@ def _laser_scan(scan: ScanLike) -> Scan:
 
 
 def _points(ranges_m: FloatArray, bearings_rad: FloatArray) -> FloatArray:
-    return np.stack((ranges_m * np.cos(bearings_rad), ranges_m * np.sin(bearings_rad)), axis=-1)
+    cosines, sines = cosines_sines(bearings_rad)
+    return np.stack((ranges_m * cosines, ranges_m * sines), axis=-1)
 
 
 def _equal_covariances(count: int, settings: FrontEndSettings) -> FloatArray:
-    range_variance = settings.sigma_range_m**2 + settings.sigma_range_floor_m**2
-    bearing_variance = settings.sigma_bearing_rad**2 + settings.sigma_bearing_floor_rad**2
+    range_variance = squared(settings.sigma_range_m) + squared(settings.sigma_range_floor_m)
+    bearing_variance = squared(settings.sigma_bearing_rad) + squared(settings.sigma_bearing_floor_rad)
     return np.tile(np.diag((range_variance, bearing_variance)), (count, 1, 1))
 
 

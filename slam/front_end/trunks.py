@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
+from slam.arithmetic.elementary import squared
+from slam.arithmetic.functions import cosine_sine, logarithm
 from slam.compiled import kernel
 from slam.front_end.deskew import Beams
 from slam.settings.front_end import FrontEndSettings
@@ -78,7 +80,7 @@ def holes_in(beams: Beams) -> Holes:
     share = _dropped(beams.points_m, beams.ranges_m, GAP_M, gap_per_m)
     if share <= 0.0:
         return Holes(BRIDGE_BEAMS, HOLE_BEAMS, gap_per_m)
-    bridge, longest = (math.ceil(math.log(chance) / math.log(share)) for chance in (BRIDGE_CHANCE, HOLE_CHANCE))
+    bridge, longest = (math.ceil(logarithm(chance) / logarithm(share)) for chance in (BRIDGE_CHANCE, HOLE_CHANCE))
     return Holes(
         min(max(BRIDGE_BEAMS, bridge - 1), MOST_DROPPED), min(max(HOLE_BEAMS, longest), 2 * MOST_DROPPED), gap_per_m
     )
@@ -126,7 +128,7 @@ def _least_roughness(
         for right in range(3):
             start = bearings_rad[first] - 0.5 * left * spacing_rad
             end = bearings_rad[last] + 0.5 * right * spacing_rad
-            half_sine = math.sin(min(0.5 * (end - start), 0.5 * math.pi))
+            half_sine = cosine_sine(min(0.5 * (end - start), 0.5 * math.pi))[1]
             if SET_BACK * half_sine > 0.8:
                 continue
             distance = mean_m / (1.0 - SET_BACK * half_sine)
@@ -134,9 +136,10 @@ def _least_roughness(
             hits, rough = 0, 0.0
             for beam in range(first, last + 1):
                 if not math.isnan(ranges_m[beam]):
-                    across = distance * math.sin(bearings_rad[beam] - bearing)
+                    turned_cosine, turned_sine = cosine_sine(bearings_rad[beam] - bearing)
+                    across = distance * turned_sine
                     depth = math.sqrt(max(radius * radius - across * across, 0.0))
-                    off = ranges_m[beam] - distance * math.cos(bearings_rad[beam] - bearing) + depth
+                    off = ranges_m[beam] - distance * turned_cosine + depth
                     hits += 1
                     rough += off * off
             least = min(least, rough / hits)
@@ -178,7 +181,7 @@ def _trunks(
                 total += ranges_m[beam]
         mean = total / hits
         half_angle = 0.5 * (bearings_rad[last] - bearings_rad[first] + spacing_rad)
-        half_sine = math.sin(min(half_angle, 0.5 * math.pi))
+        half_sine = cosine_sine(min(half_angle, 0.5 * math.pi))[1]
         if SET_BACK * half_sine > 0.8:
             continue
         distance = mean / (1.0 - SET_BACK * half_sine)
@@ -229,12 +232,14 @@ def trunk_variances(found: FloatArray, spacing_rad: float, settings: FrontEndSet
     """
     distance, radius, hits = found[:, 0], found[:, 2], found[:, 3]
     set_back = SET_BACK * 0.5 * distance * spacing_rad
-    range_variance = settings.sigma_range_m**2 / hits + set_back**2 / 6.0 + (0.22 * radius / hits) ** 2
-    bearing_variance = np.full(len(found), spacing_rad**2 / 24.0)
+    range_variance = (
+        squared(settings.sigma_range_m) / hits + np.square(set_back) / 6.0 + np.square(0.22 * radius / hits)
+    )
+    bearing_variance = np.full(len(found), squared(spacing_rad) / 24.0)
     return np.stack(
         (
-            range_variance + settings.sigma_range_floor_m**2,
-            bearing_variance + settings.sigma_bearing_floor_rad**2,
+            range_variance + squared(settings.sigma_range_floor_m),
+            bearing_variance + squared(settings.sigma_bearing_floor_rad),
         ),
         axis=-1,
     )

@@ -12,9 +12,11 @@ import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.angles import beams_after_first, sees_all_round
+from slam.arithmetic.functions import arctangent, cosine_sine, hypotenuse
+from slam.arithmetic.small_matrices import applied, eigen, inner, inverse
 from slam.compiled import kernel
 from slam.front_end.alignment_kernels import EarlierScans
-from slam.front_end.alignment_search import GATE_LAST_M, Search
+from slam.front_end.alignment_search import Search, narrowing
 from slam.front_end.deskew import Beams
 from slam.pose import Pose2, wrap_rad
 
@@ -24,7 +26,7 @@ CELL_M = 0.25  # a cell next to one with a return counts as well
 GRID_CELLS = 128  # to a side, around where the motion starts: 16 m each way
 MOST_POINTS = 60  # of the new scan while places are sought
 REFINED = 6  # best places that are refined
-GATES_M = np.geomspace(0.6, GATE_LAST_M, 6)
+GATES_M = narrowing(0.6, 6)
 LOOSE = np.eye(3)  # m^2 and rad^2; nothing is believed of the wheels but that it was not far. It is its own inverse
 SAME_M = 0.3  # two returns nearer to each other are one thing
 FREE_M = 0.4  # a return so far in front of what the other scan saw there stands in its free space
@@ -67,7 +69,7 @@ class View:
     @classmethod
     def of(cls, beams: Beams) -> "View":
         """Of a scan's beams."""
-        return cls(beams.points_m, math.atan2(beams.rays[0, 1], beams.rays[0, 0]), beams.spacing_rad)
+        return cls(beams.points_m, arctangent(beams.rays[0, 1], beams.rays[0, 0]), beams.spacing_rad)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,7 +136,7 @@ class WideSearch:
         for other, elsewhere, _, its_field in found:
             off = elsewhere - motion
             off[2] = wrap_rad(float(off[2]))
-            alike = other.lead > RIVAL_SHARE * best.lead and off @ information @ off > RIVAL_SQUARE
+            alike = other.lead > RIVAL_SHARE * best.lead and inner(off, applied(information, off)) > RIVAL_SQUARE
             if alike and (its_field is field or field is TURNED):  # a corridor looks the same from its other end
                 return None
         motion, information, count = self.search.refined(by_wheels, LOOSE, motion, GATES_M[-1:])
@@ -144,7 +146,7 @@ class WideSearch:
 
     def _is_repeated(self, motion: FloatArray, information: FloatArray) -> bool:
         """Whether places along the direction in which the motion is known least are as good."""
-        _, directions = np.linalg.eigh(np.linalg.inv(information)[:2, :2])
+        _, directions = eigen(inverse(information)[:2, :2])
         least_known = np.array((*directions[:, -1], 0.0))
         shifted = (self.agreement(motion + shift_m * least_known) for shift_m in SHIFTS_M)
         return any(self._says_the_same(agreement, REPEATED_SHARE) for agreement in shifted)
@@ -220,7 +222,7 @@ def coincidences(
     side = 2 * steps + 1
     hits = np.zeros((headings.size, side, side), dtype=np.int64)
     for turn in range(headings.size):
-        cosine, sine = math.cos(headings[turn]), math.sin(headings[turn])
+        cosine, sine = cosine_sine(headings[turn])
         for point in range(points_m.shape[0]):
             x = centre_m[0] + cosine * points_m[point, 0] - sine * points_m[point, 1]
             y = centre_m[1] + sine * points_m[point, 0] + cosine * points_m[point, 1]
@@ -246,7 +248,7 @@ def compare(
 
     pose (3,): the points' laser in the other's frame. What lies behind its returns or outside its view says nothing.
     """
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    cosine, sine = cosine_sine(pose[2])
     same, free, size = 0, 0, onto_m.shape[0]
     is_ring = sees_all_round(spacing_rad, size)
     for point in range(points_m.shape[0]):
@@ -255,7 +257,7 @@ def compare(
         x = pose[0] + cosine * points_m[point, 0] - sine * points_m[point, 1]
         y = pose[1] + sine * points_m[point, 0] + cosine * points_m[point, 1]
         distance = math.sqrt(x * x + y * y)
-        beam = round(beams_after_first(math.atan2(y, x), first_rad, spacing_rad, size))
+        beam = round(beams_after_first(arctangent(y, x), first_rad, spacing_rad, size))
         if beam < 0 or beam >= size or distance < SAME_M:
             continue
         reach = 1 + int(min(SAME_M / distance / spacing_rad, 20.0))
@@ -272,7 +274,7 @@ def compare(
             dx, dy = onto_m[at, 0] - x, onto_m[at, 1] - y
             nearest = min(nearest, dx * dx + dy * dy)
             if abs(turned - beam) <= 1:
-                range_m = min(range_m, math.sqrt(onto_m[at, 0] ** 2 + onto_m[at, 1] ** 2))
+                range_m = min(range_m, hypotenuse(onto_m[at, 0], onto_m[at, 1]))
         if nearest < SAME_M * SAME_M:
             same += 1
         elif distance < range_m - FREE_M:

@@ -11,6 +11,7 @@ import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
 from slam.angles import wrapped
+from slam.arithmetic.functions import logarithm
 from slam.compiled import kernel, leaf
 from slam.joint.measurement import FIRST_PLACE, JointArrays, fold, innovation_covariance, slopes
 from slam.observations import AMBIGUOUS, EXCLUDED, NEW, PENDING, UNLICENSED, FeatureRows, Sighting
@@ -93,7 +94,7 @@ def associate(
                 if square < least:
                     least, least_excluded = square, used[landmark]
                 if not used[landmark] and square <= gate_of(nearest_m[landmark], gates):
-                    log = -0.5 * (square + math.log(39.47841760435743 * determinant))  # of (4), with (2 pi)^2
+                    log = -0.5 * (square + logarithm(39.47841760435743 * determinant))  # of (4), with (2 pi)^2
                     if log > best_log:
                         best, best_log, best_square = landmark, log, square
             if best < 0:
@@ -133,7 +134,7 @@ def off_squares(joint: JointArrays, places: IntArray, matched: IntArray, feature
     """(k,) m^2, how far features matched (k,) may lie from where their landmarks at places (k,) should be seen, by the
     pose and the landmarks alone, or do, whichever is more.
     """
-    squares = expected_within(joint, places) ** 2
+    squares: FloatArray = np.square(expected_within(joint, places))
     for index in range(places.size):
         at = places[index]
         slope = slopes(joint.mean, joint.mount, joint.mean[at], joint.mean[at + 1])

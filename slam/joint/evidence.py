@@ -6,13 +6,13 @@ closed. So each landmark has a rate of being found again, all together one of be
 are learnt while the pose can be believed.
 """
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
+from slam.arithmetic.functions import logarithm
 from slam.compiled import kernel, leaf
 from slam.joint.association import distance_to
 from slam.joint.measurement import JointArrays
@@ -152,12 +152,12 @@ def _score(
         rate = max(rate, CHANCE)
         if is_found:
             known, found = known + 1, found + 1
-            against += math.log(CHANCE / rate)
+            against += logarithm(CHANCE / rate)
             sighting = sighting_of(features, by[index])
             squares += distance_to(joint.mean, joint.covariance, joint.mount, places[index], sighting)[0]
         elif is_missed:
             known, missed = known + 1, missed + 1
-            against += math.log((1.0 - CHANCE) / (1.0 - rate))
+            against += logarithm((1.0 - CHANCE) / (1.0 - rate))
         elif is_in_sight(x, y, sensor, sight, tuning):
             known += 1
     return known, found, missed, against, squares

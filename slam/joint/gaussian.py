@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
+from slam.arithmetic.small_matrices import bounded_below
 from slam.estimate import LandmarkMap
 from slam.joint.association import associate_by_hint, gates_of, off_squares
 from slam.joint.atlas import AWAY
@@ -85,9 +86,7 @@ class JointGaussian:
     @property
     def covariance(self) -> FloatArray:
         """(3, 3) over x, y, heading in the map frame: symmetric and positive definite."""
-        values, vectors = np.linalg.eigh(self.state.covariance[:3, :3])
-        covariance = (vectors * np.maximum(values, SMALLEST_VARIANCE)) @ vectors.T
-        return np.asarray(0.5 * (covariance + covariance.T))
+        return bounded_below(self.state.covariance[:3, :3], SMALLEST_VARIANCE)
 
     @property
     def landmark_count(self) -> int:

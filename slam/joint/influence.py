@@ -1,10 +1,9 @@
 """How far one matched feature moves the pose against the word of all others of its scan."""
 
-import math
-
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
+from slam.arithmetic.functions import hypotenuse
 from slam.compiled import kernel, leaf
 from slam.joint.kernels import innovate
 from slam.joint.measurement import JointArrays
@@ -41,7 +40,7 @@ def influences(joint: JointArrays, places: IntArray, matched: IntArray, features
         moved = np.zeros(3)
         for row in range(2 * k):
             moved += projected[row, :3] * (inverse[row, first] * u + inverse[row, second] * v)
-        found[pair] = math.hypot(moved[0], moved[1]) + METRES_PER_RAD * abs(moved[2])
+        found[pair] = hypotenuse(moved[0], moved[1]) + METRES_PER_RAD * abs(moved[2])
     return found
 
 

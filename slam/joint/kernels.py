@@ -10,6 +10,7 @@ import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
 from slam.angles import wrapped
+from slam.arithmetic.functions import cosine_sine
 from slam.compiled import kernel, leaf
 from slam.joint.measurement import FIRST_PLACE, JointArrays, project, slopes
 from slam.observations import FeatureRows, Sighting
@@ -36,7 +37,7 @@ def predict(
     distance = math.sqrt(increment[0] * increment[0] + increment[1] * increment[1])
     more = mean[4] * increment[2] + mean[5] * distance
     direction = mean[2] + 0.5 * more
-    cosine, sine = math.cos(direction), math.sin(direction)
+    cosine, sine = cosine_sine(direction)
     x = cosine * increment[0] - sine * increment[1]
     y = sine * increment[0] + cosine * increment[1]
     stretch = 1.0 + mean[3]
@@ -185,7 +186,7 @@ def move(mean: FloatArray, n: int, change: FloatArray, invariant: bool, turn: Fl
         mean[2] = wrapped(mean[2])
         return
     angle = change[2]
-    cosine, sine = math.cos(angle), math.sin(angle)
+    cosine, sine = cosine_sine(angle)
     if abs(angle) < 1e-6:
         along, across = 1.0, 0.5 * angle
     else:
@@ -260,10 +261,9 @@ def carry(covariance: FloatArray, n: int, turn: FloatArray) -> None:
 @leaf
 def append(mean: FloatArray, covariance: FloatArray, n: int, mount: FloatArray, sighting: Sighting) -> None:
     """A new landmark at places n and n + 1 from its first sighting and the pose."""
-    cosine, sine = math.cos(mean[2]), math.sin(mean[2])
+    cosine, sine = cosine_sine(mean[2])
     arm_x, arm_y = cosine * mount[0] - sine * mount[1], sine * mount[0] + cosine * mount[1]
-    direction = mean[2] + mount[2] + sighting.bearing_rad
-    ahead_x, ahead_y = math.cos(direction), math.sin(direction)
+    ahead_x, ahead_y = cosine_sine(mean[2] + mount[2] + sighting.bearing_rad)
     away_x, away_y = arm_x + sighting.range_m * ahead_x, arm_y + sighting.range_m * ahead_y
     mean[n], mean[n + 1] = mean[0] + away_x, mean[1] + away_y
     for column in range(n):

@@ -10,10 +10,13 @@ import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
 from slam.angles import wrapped
+from slam.arithmetic.functions import arctangent, arctangents, cosine_sine, cosines_sines
+from slam.arithmetic.small_matrices import applied, eigen, inverse, product
 from slam.compiled import kernel
 from slam.joint.kernels import apply_change
 from slam.joint.measurement import FIRST_PLACE
 from slam.observations import Sighting
+from slam.pose import wrap_rads
 
 HALF_AXIS_M = 2.0
 RULER_M2, RULER_RAD2 = 1e-6, 2.5e-7
@@ -25,15 +28,14 @@ SMALLEST_SPREAD = 1e-10
 def between(mean: FloatArray, ahead_m: FloatArray, behind_m: FloatArray) -> FloatArray:
     """(K, 3) x m, y m, heading rad of the body as seen from axes whose ends stand at ahead_m and behind_m (K, 2)."""
     axis = ahead_m - behind_m
-    headings = np.arctan2(axis[:, 1], axis[:, 0])
+    headings = arctangents(axis[:, 1], axis[:, 0])
     off = mean[:2] - 0.5 * (ahead_m + behind_m)
-    cosines, sines = np.cos(headings), np.sin(headings)
-    turns = mean[2] - headings
+    cosines, sines = cosines_sines(headings)
     return np.column_stack(
         (
             cosines * off[:, 0] + sines * off[:, 1],
             cosines * off[:, 1] - sines * off[:, 0],
-            np.arctan2(np.sin(turns), np.cos(turns)),
+            wrap_rads(mean[2] - headings),
         )
     )
 
@@ -50,7 +52,7 @@ def seen_from(mean: FloatArray, places: IntArray) -> FloatArray:
 def poses_of(ends_m: FloatArray) -> FloatArray:
     """(K, 3) map_from_body of axes whose ends (K, 2, 2) stand ahead and behind."""
     axis = ends_m[:, 0] - ends_m[:, 1]
-    return np.column_stack((ends_m.mean(axis=1), np.arctan2(axis[:, 1], axis[:, 0])))
+    return np.column_stack((ends_m.mean(axis=1), arctangents(axis[:, 1], axis[:, 0])))
 
 
 @kernel
@@ -61,8 +63,8 @@ def between_with_covariance(
     (3, n).
     """
     axis_x, axis_y = mean[ahead] - mean[behind], mean[ahead + 1] - mean[behind + 1]
-    heading = math.atan2(axis_y, axis_x)
-    cosine, sine = math.cos(heading), math.sin(heading)
+    heading = arctangent(axis_y, axis_x)
+    cosine, sine = cosine_sine(heading)
     off_x = mean[0] - 0.5 * (mean[ahead] + mean[behind])
     off_y = mean[1] - 0.5 * (mean[ahead + 1] + mean[behind + 1])
     seen = np.array((cosine * off_x + sine * off_y, cosine * off_y - sine * off_x, wrapped(mean[2] - heading)))
@@ -109,8 +111,8 @@ def condition(
     Everything else follows as far as it depends on that. ends (2,): places of the axis's ends.
     """
     _, spread, projected = between_with_covariance(mean, covariance, n, int(ends[0]), int(ends[1]))
-    gain = np.linalg.solve(spread, projected)
-    values, vectors = np.linalg.eigh(spread - posterior)
+    gain = product(inverse(spread), projected)
+    values, vectors = eigen(spread - posterior)
     learnt = np.zeros((4, n))
-    learnt[:3] = (np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T) @ gain
-    apply_change(mean, covariance, n, np.ascontiguousarray(off @ gain), learnt, invariant)
+    learnt[:3] = product(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, gain)
+    apply_change(mean, covariance, n, applied(gain.T, off), learnt, invariant)

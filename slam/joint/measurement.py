@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from drivers.measurements import FloatArray
 from slam.angles import wrapped
+from slam.arithmetic.functions import arctangent, cosine_sine
 from slam.compiled import leaf
 from slam.observations import Sighting
 
@@ -42,7 +43,7 @@ class Slopes(NamedTuple):
 @leaf
 def slopes(pose: FloatArray, mount: FloatArray, x: float, y: float) -> Slopes:
     """h and its Jacobian at pose (at least 3,) and a landmark at x, y; mount (3,) is body_from_laser."""
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    cosine, sine = cosine_sine(pose[2])
     arm_x, arm_y = cosine * mount[0] - sine * mount[1], sine * mount[0] + cosine * mount[1]
     dx, dy = x - pose[0] - arm_x, y - pose[1] - arm_y
     square = max(dx * dx + dy * dy, 1e-4)
@@ -50,7 +51,7 @@ def slopes(pose: FloatArray, mount: FloatArray, x: float, y: float) -> Slopes:
     range_x, range_y, bearing_x, bearing_y = -dx / distance, -dy / distance, dy / square, -dx / square
     return Slopes(
         distance,
-        wrapped(math.atan2(dy, dx) - pose[2] - mount[2]),
+        wrapped(arctangent(dy, dx) - pose[2] - mount[2]),
         range_x,
         range_y,
         range_y * arm_x - range_x * arm_y,

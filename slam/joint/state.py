@@ -11,6 +11,8 @@ from copy import copy
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
+from slam.arithmetic.elementary import squared
+from slam.arithmetic.small_matrices import inner
 from slam.joint.atlas import AWAY, PARENTS, Atlas
 from slam.joint.kernels import append, forget
 from slam.joint.measurement import FIRST_PLACE
@@ -174,7 +176,7 @@ class JointState:
         """Landmarks beyond the limit leave the state, the least needed ones first, none that may soon be in view."""
         if self.count <= self._limit:
             return
-        away = ((self.points_m - self.mean[:2]) ** 2).sum(axis=1) > (self._reach_m + KEEP_M + LOOK_EVERY_M) ** 2
+        away = np.square(self.points_m - self.mean[:2]).sum(axis=1) > squared(self._reach_m + KEEP_M + LOOK_EVERY_M)
         excess = min(self.count - self._limit, int(away.sum()) - self._limit // 2, LEAVING_PER_SCAN)
         for _ in range(excess):
             number = least_needed(self.mean, self.size, away)
@@ -214,7 +216,7 @@ class JointState:
         def gap_square(row: int) -> float:
             """Squared distance, m^2, from where a landmark was when it left the state."""
             gap = self.atlas.means[row] - (x, y)
-            return float(gap @ gap)
+            return inner(gap, gap)
 
         near = [row for row in self.atlas.away_near(x, y, radius) if gap_square(row) <= radius * radius]
         returning = self.atlas.with_ancestors(near)

@@ -2,9 +2,8 @@
 
 import math
 
-import numpy as np
-
 from drivers.measurements import FloatArray
+from slam.arithmetic.small_matrices import inverse
 from slam.front_end.wide_search import Found, WideSearch
 from slam.keyframes.agreement import Agreement, correction_of
 from slam.pose import Pose2
@@ -37,7 +36,7 @@ class FarLoops:
         found = search.nearby(at)
         if found is None or found.share < LEAST_SHARE:
             return None
-        if math.sqrt(np.linalg.inv(found.information)[:2, :2].trace()) > CLEAR_M:
+        if math.sqrt(inverse(found.information)[:2, :2].trace()) > CLEAR_M:
             return None
         correction = correction_of(pose, Pose2(*predicted.tolist()), Pose2(*found.motion.tolist()))
         return found if self._agreement.confirms(number, correction, pose) else None

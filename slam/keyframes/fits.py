@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from drivers.measurements import FloatArray
+from slam.arithmetic.small_matrices import applied, inverse, squared_distance
 from slam.estimate import KeyframeFit
 from slam.front_end.alignment_search import Search
 from slam.joint.gaussian import JointGaussian
@@ -64,8 +65,8 @@ class Fits:
         if math.sqrt(spread[0] + spread[1]) > WIDEST_M or math.sqrt(spread[2]) > WIDEST_RAD:
             return None
         predicted = (Pose2(*seen.tolist()) @ off).as_array() if off is not HERE else seen
-        wheels = covariance + np.diag((MOUNT_M**2, MOUNT_M**2, MOUNT_RAD**2))
-        held: FloatArray = np.asarray(np.linalg.inv(wheels), dtype=np.float64)
+        wheels = covariance + np.diag(np.square((MOUNT_M, MOUNT_M, MOUNT_RAD)))
+        held = inverse(wheels)
         search = Search(points_m, self._keyframes[number].surfaces(self._laser_from_body))
         motion, information, count = search.best(predicted, wheels)
         return Laid(predicted, motion, information, held, count, len(points_m))
@@ -95,14 +96,14 @@ class Fits:
         off, off_search = laid.motion - predicted, laid.motion - laid.predicted
         off[2], off_search[2] = (math.remainder(turn, 2.0 * math.pi) for turn in (off[2], off_search[2]))
         told = INFORMATION_SHARE * (laid.information - laid.held)
-        spread = np.linalg.inv(told + 1e-9 * np.eye(3))
+        spread = inverse(told + 1e-9 * np.eye(3))
         innovation = covariance + spread
-        if not off @ np.linalg.solve(innovation, off) < LARGEST_SQUARE:
+        if not squared_distance(off, innovation) < LARGEST_SQUARE:
             return False
-        posterior = np.linalg.inv(told + np.linalg.inv(covariance))
-        by_scan = told @ off + INFORMATION_SHARE * (laid.held @ off_search)
-        self._joint.condition(number, posterior @ by_scan, posterior)
-        self._latest.append(KeyframeFit(number, predicted + spread @ by_scan, told))
+        posterior = inverse(told + inverse(covariance))
+        by_scan = applied(told, off) + INFORMATION_SHARE * applied(laid.held, off_search)
+        self._joint.condition(number, applied(posterior, by_scan), posterior)
+        self._latest.append(KeyframeFit(number, predicted + applied(spread, by_scan), told))
         self.fitted += 1
         self.closed += number < len(self._keyframes) - OLD - 1
         return True
@@ -121,6 +122,6 @@ class Fits:
             return False
         off = (pose.inverse() @ correction @ pose).as_array()
         slip = np.array((math.hypot(off[0], off[1]), math.hypot(off[0], off[1]), off[2]))
-        self._joint.predict(np.zeros(3), np.diag(slip**2))
+        self._joint.predict(np.zeros(3), np.diag(np.square(slip)))
         self.overruled += 1
         return self.tell(number, laid)

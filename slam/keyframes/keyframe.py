@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray
+from slam.arithmetic.functions import cosine_sine
 from slam.front_end.alignment_kernels import EarlierScans
 from slam.front_end.wide_search import View
 from slam.maps.views import CentimetreArray
@@ -43,7 +44,7 @@ class Keyframe:
         return EarlierScans(
             self.points_m.astype(np.float64)[None],
             self.normals.astype(np.float64)[None],
-            np.array([(start.x_m, start.y_m, math.cos(start.heading_rad), math.sin(start.heading_rad))]),
+            np.array([(start.x_m, start.y_m, *cosine_sine(start.heading_rad))]),
             self.first_rad,
             self.spacing_rad,
         )

@@ -9,6 +9,8 @@ import math
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
+from slam.arithmetic.functions import arctangent, composed, lengths
+from slam.arithmetic.small_matrices import eigen, inverse, squared_distance
 from slam.estimate import KeyframeFit
 from slam.front_end.alignment_kernels import surface_normals
 from slam.front_end.alignment_search import Search
@@ -21,7 +23,7 @@ from slam.keyframes.far_loops import FarLoops
 from slam.keyframes.fits import INFORMATION_SHARE, LEAST_POINTS, OLD, WIDEST_M, Fits
 from slam.keyframes.keyframe import Keyframe, Laid
 from slam.maps.views import NO_VIEWS, Views, kept_points
-from slam.pose import Pose2, composed
+from slam.pose import Pose2
 
 NEW_M, NEW_RAD = 1.0, 0.6  # a scan becomes a keyframe where none that fits is so near
 STEP_M, STEP_RAD = 0.2, 0.15  # the rover moves or turns so far before another scan is laid onto keyframes
@@ -101,7 +103,7 @@ class Keyframes:
                 points,
                 kept_points(points),
                 normals[::stride].astype(np.float32),
-                float(math.atan2(beams.rays[0, 1], beams.rays[0, 0])),
+                float(arctangent(beams.rays[0, 1], beams.rays[0, 0])),
                 stride * beams.spacing_rad,
                 self._joint.scans,
             )
@@ -149,7 +151,7 @@ class Keyframes:
         off = self._joint.map_from_body.inverse() @ map_from_body
         bodies = [Pose2(*between[number].tolist()) @ off for number in numbers]
         nearest = int(np.argmin([math.hypot(body.x_m, body.y_m) for body in bodies]))
-        information: FloatArray = np.asarray(np.linalg.inv(covariance) / INFORMATION_SHARE, dtype=np.float64)
+        information = inverse(covariance) / INFORMATION_SHARE
         laid = Laid(bodies[nearest].as_array(), bodies[nearest].as_array(), information, np.zeros((3, 3)), 0, 0)
         return self._fits.tell(numbers[nearest], laid)
 
@@ -165,8 +167,8 @@ class Keyframes:
         laid = self._fits.lay(int(np.argmin(apart)), points)
         if laid is None:
             return False
-        least_known = np.linalg.eigvalsh((laid.information - laid.held)[:2, :2])[0]
-        return bool(laid.lies and least_known >= LYING_M**-2)
+        least_known = eigen((laid.information - laid.held)[:2, :2])[0][0]
+        return bool(laid.lies and least_known * LYING_M * LYING_M >= 1.0)
 
     def forget_from(self, number: int) -> None:
         """Forget the keyframes from this number on: they were not taken where the map has them."""
@@ -178,7 +180,7 @@ class Keyframes:
 
     def _apart(self, between: FloatArray) -> FloatArray:
         """(K,) how far each keyframe is away, m and turns counted as such; inf beyond reach."""
-        distances, turns = np.hypot(between[:, 0], between[:, 1]), np.abs(between[:, 2])
+        distances, turns = lengths(between[:, :2]), np.abs(between[:, 2])
         reached = (distances < REACH_M) & (turns < self._most_turned())
         return np.where(reached, distances + METRES_PER_RAD * turns, math.inf)
 
@@ -220,7 +222,7 @@ class Keyframes:
         self._turn += 1
         is_wide = self._turn % 2 == 1
         far_m = OLD_REACH_M + (WITHIN_SIGMAS if is_wide else 1.0) * sigma_m
-        distances, turned = np.hypot(between[:, 0], between[:, 1]), np.abs(between[:, 2]) >= self._most_turned()
+        distances, turned = lengths(between[:, :2]), np.abs(between[:, 2]) >= self._most_turned()
         distances[turned] = math.inf
         near = np.flatnonzero(distances[: -OLD - 1] < far_m)
         if len(near) == 0:
@@ -231,7 +233,7 @@ class Keyframes:
         if not WIDEST_M < math.sqrt(spread[0] + spread[1]) < FARTHEST_M or math.sqrt(spread[2]) > FARTHEST_RAD:
             return False
         at = predicted * (0.0, 0.0, 1.0) if is_wide else predicted
-        if not _square(at - predicted, covariance) < WITHIN_SQUARE:
+        if not squared_distance(at - predicted, covariance) < WITHIN_SQUARE:
             return False
         keyframe = self._keyframes[number]
         onto = Search(points_m, keyframe.surfaces(self._laser_from_body))
@@ -244,7 +246,3 @@ class Keyframes:
 
 def _sigma_m(covariance: FloatArray) -> float:
     return math.sqrt(covariance[0, 0] + covariance[1, 1])
-
-
-def _square(off: FloatArray, covariance: FloatArray) -> float:
-    return float(off @ np.linalg.solve(covariance, off))

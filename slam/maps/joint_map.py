@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
+from slam.arithmetic.small_matrices import carried, product, pseudo_inverse
 from slam.estimate import LandmarkMap
 from slam.joint.atlas import AWAY, PARENTS
 from slam.joint.evidence import SETTLED_SCANS
@@ -167,16 +168,16 @@ def tie_pose(joint: JointGaussian, pose: Pose2, spread: FloatArray) -> None:
     state = joint.state
     state.mean[:3] = pose.as_array()
     state.bring_back()
-    nearest = np.argsort(((state.points_m - state.mean[:2]) ** 2).sum(axis=1), kind="stable")[:NEIGHBOURS]
+    nearest = np.argsort(np.square(state.points_m - state.mean[:2]).sum(axis=1), kind="stable")[:NEIGHBOURS]
     offsets = state.points_m[nearest] - state.mean[:2]
     by_pose = np.tile(np.eye(2, 3), (len(nearest), 1))
     by_pose[0::2, 2], by_pose[1::2, 2] = -offsets[:, 1], offsets[:, 0]
-    of_landmarks = np.linalg.pinv(by_pose)
+    of_landmarks = product(pseudo_inverse(product(by_pose.T, by_pose)), by_pose.T)
     places = (FIRST_PLACE + 2 * nearest[:, None] + np.arange(2)).ravel()
     n, covariance = state.size, state.covariance
-    covariance[:3, 3:n] = of_landmarks @ covariance[places, 3:n]
+    covariance[:3, 3:n] = product(of_landmarks, covariance[places, 3:n])
     covariance[3:n, :3] = covariance[:3, 3:n].T
-    covariance[:3, :3] = of_landmarks @ covariance[np.ix_(places, places)] @ of_landmarks.T + spread
+    covariance[:3, :3] = carried(of_landmarks, covariance[np.ix_(places, places)]) + spread
 
 
 def _kept(state: JointState) -> BoolArray:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slam.arithmetic.elementary import squared
 from slam.joint.evidence import SETTLED_SCANS
 from slam.joint.gaussian import DECIDED, JointGaussian, Variant
 from slam.maps.joint_map import JointMap, put_map, tie_pose
@@ -13,7 +14,7 @@ from slam.pose import Pose2
 from slam.settings.slam import SlamSettings
 
 READ_OFF_M, READ_OFF_RAD = 0.5, 0.1  # standard deviations of a pose that a person gives
-SPREAD = np.diag((READ_OFF_M**2, READ_OFF_M**2, READ_OFF_RAD**2))
+SPREAD = np.diag((squared(READ_OFF_M), squared(READ_OFF_M), squared(READ_OFF_RAD)))
 ADDITIVE = Variant(jacobians="current")
 """For a frozen map: the invariant update turns the whole map with the heading, and a frozen one does not turn."""
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
-from slam.pose import Pose2, composed
+from slam.arithmetic.functions import composed
+from slam.pose import Pose2
 
 BEAMS = 120  # of a scan are kept
 NOTHING_CM = -32768  # nothing came back

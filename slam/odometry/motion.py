@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from drivers.measurements import FloatArray
+from slam.arithmetic.functions import cosine_sine
 from slam.compiled import kernel
 from slam.settings.sigma_points import UnscentedWeights
 from slam.unscented import square_root_into
@@ -28,7 +29,8 @@ def arc(model: int, geometry: FloatArray, duration_s: float, first: float, secon
         left, right = first * geometry[5], second * geometry[6]
         return 0.5 * (left + right), (right - left) / geometry[0]
     if model == STEERED:
-        slope = math.tan(geometry[3] * second + geometry[4])
+        cosine, sine = cosine_sine(geometry[3] * second + geometry[4])
+        slope = sine / cosine
         speed = first / (1.0 - slope * geometry[2] / geometry[1])
         return speed * duration_s, speed * duration_s * slope / geometry[1]
     if model == RATES:
@@ -44,10 +46,11 @@ def exact_arc(
     if abs(turn) < 1e-4:
         along, across = 1.0 - turn * turn / 6.0, turn / 2.0 - turn * turn * turn / 24.0
     else:
-        along, across = math.sin(turn) / turn, (1.0 - math.cos(turn)) / turn
+        turned_cosine, turned_sine = cosine_sine(turn)
+        along, across = turned_sine / turn, (1.0 - turned_cosine) / turn
     ahead = distance * along - lateral * across
     left = distance * across + lateral * along
-    cosine, sine = math.cos(heading), math.sin(heading)
+    cosine, sine = cosine_sine(heading)
     return x + cosine * ahead - sine * left, y + sine * ahead + cosine * left, heading + turn
 
 
@@ -101,7 +104,7 @@ def accumulate(
                     total += weights.other * (images[point, i] - mean[i]) * (images[point, j] - mean[j])
                 covariance[i, j] = total
                 covariance[j, i] = total
-        cosine, sine = math.cos(mean[2]), math.sin(mean[2])
+        cosine, sine = cosine_sine(mean[2])
         forward, sideways = segments[row, 6], segments[row, 7]
         covariance[0, 0] += cosine * cosine * forward + sine * sine * sideways
         covariance[1, 1] += sine * sine * forward + cosine * cosine * sideways

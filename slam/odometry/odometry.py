@@ -3,13 +3,15 @@
 The increment is expressed in the body frame at the previous scan, so that it is the same for every particle.
 """
 
-import math
 from collections import Counter, deque
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from drivers.measurements import FloatArray, SpeedSteering, SpeedYawRate, WheelSample
+from slam.arithmetic.elementary import squared
+from slam.arithmetic.functions import cosine_sine
+from slam.arithmetic.small_matrices import carried, product
 from slam.odometry.motion import ARC, DIFFERENTIAL, RATES, SEGMENT_COLUMNS, STEERED, accumulate, arc
 from slam.odometry.wheel_segments import SAMPLE_KIND, Cursor, Segmenter, Segments
 from slam.pose import Pose2
@@ -202,7 +204,7 @@ class Odometry:
         travel.began = travel.began or len(rows) > 0
         if len(rows) > 0 and not travel.rounded and not self._rests(travel) and self._model == DIFFERENTIAL:
             # both ends of the increment fall somewhere within a count
-            rows[0, 4:6] += self._segmenter.count_m**2 / 6.0
+            rows[0, 4:6] += squared(self._segmenter.count_m) / 6.0
             travel.rounded = True
         accumulate(travel.mean, travel.covariance, travel.tracks, rows, self._model, self._geometries, self._weights)
         travel.moving_s += float(rows[:, 0].sum())
@@ -228,7 +230,7 @@ class Odometry:
     def _increment(self, travel: "Travel", stamp_ns: int) -> Increment:
         """The sums as an increment, with what constant errors of the geometry add."""
         constant = travel.tracks[1:] - travel.tracks[0]
-        covariance = travel.covariance + constant.T @ constant
+        covariance = travel.covariance + product(constant.T, constant)
         duration = (stamp_ns - self._taken_ns) * 1e-9 if self._taken_ns is not None else 0.0
         rests = self._rests(travel)
         per_second = 1.0 / travel.moving_s if travel.moving_s > 0.0 else 0.0
@@ -285,7 +287,7 @@ def compound(pose: Pose2, covariance: FloatArray, increment: Increment) -> Float
     moved = pose @ increment.as_pose()
     by_pose = np.eye(3)
     by_pose[0, 2], by_pose[1, 2] = pose.y_m - moved.y_m, moved.x_m - pose.x_m
-    cosine, sine = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+    cosine, sine = cosine_sine(pose.heading_rad)
     turned = np.array(((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)))
-    total: FloatArray = by_pose @ covariance @ by_pose.T + turned @ increment.covariance @ turned.T
+    total: FloatArray = carried(by_pose, covariance) + carried(turned, increment.covariance)
     return 0.5 * (total + total.T)

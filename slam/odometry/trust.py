@@ -40,7 +40,7 @@ class WheelTrust:
             expected = float(learnt[index].sum())
             if not expected > TELLING_SHARE * float(np.diag(prior)[index].sum()):
                 continue
-            ratio = min(float((off[index] ** 2).sum()) / expected, LARGEST_RATIO)
+            ratio = min(float(np.square(off[index]).sum()) / expected, LARGEST_RATIO)
             self._seen[which] += 1.0
             gain = max(1.0 / (PRIOR_SCANS + self._seen[which]), SLOWEST_GAIN)
             factor = self._factors[which] * (1.0 + gain * (ratio - 1.0))

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.measurements import FloatArray, OdometryPose, SpeedSteering, SpeedYawRate, WheelCounts, WheelSample
+from slam.arithmetic.elementary import squared
+from slam.arithmetic.functions import cosine_sine
 from slam.odometry.motion import SEGMENT_COLUMNS
 from slam.pose import wrap_rad
 from slam.settings.odometry import OdometrySettings
@@ -191,10 +193,13 @@ class Segmenter:
         assert isinstance(after, OdometryPose)
         turn = wrap_rad(after.heading_rad - before.heading_rad)
         x, y = after.x_m - before.x_m, after.y_m - before.y_m
-        cosine, sine = math.cos(before.heading_rad), math.sin(before.heading_rad)
+        cosine, sine = cosine_sine(before.heading_rad)
         ahead, left = cosine * x + sine * y, -sine * x + cosine * y
         half = 0.5 * turn
-        stretch = half / math.tan(half) if abs(half) > 1e-6 else 1.0
+        stretch = 1.0
+        if abs(half) > 1e-6:
+            half_cosine, half_sine = cosine_sine(half)
+            stretch = half * half_cosine / half_sine
         return stretch * ahead + half * left, turn, stretch * left - half * ahead
 
     def _moved_sample(self, sample: WheelSample, motion: tuple[float, float, float], stamp_ns: int) -> WheelSample:
@@ -204,18 +209,20 @@ class Segmenter:
             return WheelCounts(stamp_ns, sample.left + motion[0] / left, sample.right + motion[1] / right)
         assert isinstance(sample, OdometryPose)
         distance, turn, lateral = motion
-        along = math.sin(turn) / turn if abs(turn) > 1e-9 else 1.0
-        across = (1.0 - math.cos(turn)) / turn if abs(turn) > 1e-9 else 0.0
+        along, across = 1.0, 0.0
+        if abs(turn) > 1e-9:
+            turned_cosine, turned_sine = cosine_sine(turn)
+            along, across = turned_sine / turn, (1.0 - turned_cosine) / turn
         ahead, left = distance * along - lateral * across, distance * across + lateral * along
-        cosine, sine = math.cos(sample.heading_rad), math.sin(sample.heading_rad)
+        cosine, sine = cosine_sine(sample.heading_rad)
         x, y = sample.x_m + cosine * ahead - sine * left, sample.y_m + sine * ahead + cosine * left
         return OdometryPose(stamp_ns, x, y, sample.heading_rad + turn)
 
     def _unknown(self, duration: float) -> tuple[float, ...]:
         """Nothing is known of this time: no motion, and a variance that says so."""
         blind = min(duration, LONGEST_S)
-        distance = (GAP_SPEED_MPS * blind) ** 2
-        heading = (GAP_YAW_RATE_RADPS * blind) ** 2
+        distance = squared(GAP_SPEED_MPS * blind)
+        heading = squared(GAP_YAW_RATE_RADPS * blind)
         return (duration, 0.0, 0.0, 0.0, 0.0, 0.0, distance, distance, heading)
 
     def _held(self, sample: WheelSample, duration: float) -> tuple[float, ...]:
@@ -232,24 +239,24 @@ class Segmenter:
             return (max(duration, 0.0), speed, second, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         # white noise of density variance * noise_time: shorter segments are noisier, their sum is not
         density = settings.noise_time_s / max(duration, 0.25 * settings.noise_time_s)
-        first_variance = (settings.speed_noise_mps**2 + (settings.speed_noise_ratio * speed) ** 2) * density
+        first_variance = (squared(settings.speed_noise_mps) + squared(settings.speed_noise_ratio * speed)) * density
         sideways, heading = self._floors(abs(speed) * duration)
-        return (duration, speed, second, 0.0, first_variance, deviation**2 * density, 0.0, sideways, heading)
+        return (duration, speed, second, 0.0, first_variance, squared(deviation) * density, 0.0, sideways, heading)
 
     def _moved(self, duration: float, motion: tuple[float, float, float], gap: float) -> tuple[float, ...]:
         """A measured displacement; gap: seconds of it in which the wheels were silent."""
         settings = self._settings
         first, second, lateral = motion
-        slip = settings.slip_m_per_sqrt_m**2
+        slip = squared(settings.slip_m_per_sqrt_m)
         if settings.model == "differential":
             variances, rolled = (slip * abs(first), slip * abs(second)), 0.5 * (abs(first) + abs(second))
         else:
             rolled = math.hypot(first, lateral)
-            variances = (slip * rolled, settings.heading_rad_per_sqrt_rad**2 * abs(second))
+            variances = (slip * rolled, squared(settings.heading_rad_per_sqrt_rad) * abs(second))
         sideways, heading = self._floors(rolled)
         blind = min(gap, LONGEST_S)
-        forward = (GAP_SPEED_MPS * blind) ** 2
-        heading += (GAP_YAW_RATE_RADPS * blind) ** 2
+        forward = squared(GAP_SPEED_MPS * blind)
+        heading += squared(GAP_YAW_RATE_RADPS * blind)
         return (duration, first, second, lateral, *variances, forward, sideways + forward, heading)
 
     def _rest_of_gap(
@@ -266,12 +273,12 @@ class Segmenter:
         forward = min(0.5 * abs(uneven[0] + uneven[1]), GAP_SPEED_MPS * duration)
         turn = min(abs(uneven[1] - uneven[0]) / settings.tread_m, GAP_YAW_RATE_RADPS * duration)
         share = duration / silence
-        row[6] += (shape * share) ** 2 + forward**2
-        row[7] += (shape * share) ** 2
-        row[8] += turn**2
+        row[6] += squared(shape * share) + squared(forward)
+        row[7] += squared(shape * share)
+        row[8] += squared(turn)
         return tuple(row)
 
     def _floors(self, rolled_m: float) -> tuple[float, float]:
         """Variances sideways m^2 and of the heading rad^2 that grow with the distance rolled."""
         settings = self._settings
-        return settings.lateral_m_per_sqrt_m**2 * rolled_m, settings.heading_rad_per_sqrt_m**2 * rolled_m
+        return squared(settings.lateral_m_per_sqrt_m) * rolled_m, squared(settings.heading_rad_per_sqrt_m) * rolled_m

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
+from slam.arithmetic.functions import cosine_sine
 from slam.compiled import inlined, kernel, leaf
 from slam.observations import AMBIGUOUS, EXCLUDED, NEW, PENDING, UNLICENSED, FeatureRows, Sighting
 from slam.particles.gates import (
@@ -60,7 +61,7 @@ def best_landmark(
     unit vector from the sensor to the feature, in the body's axes.
     """
     pose, landmarks = belief.pose, candidates.landmarks
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    cosine, sine = cosine_sine(pose[2])
     ahead, left = mount[0] + sighting.range_m * direction[0], mount[1] + sighting.range_m * direction[1]
     x, y = pose[0] + cosine * ahead - sine * left, pose[1] + sine * ahead + cosine * left
     variance = largest_variance(belief.covariance, sighting)

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
+from slam.arithmetic.functions import normals
+from slam.arithmetic.small_matrices import applied, product
 from slam.observations import IDENTITIES_PER_SCAN, FeatureRows
 from slam.odometry.odometry import Increment
 from slam.particles.redraw import redrawn
@@ -71,10 +73,10 @@ class FastSlam:
 
     def step(self, increment: Increment, features: FeatureRows, sight: SightLine = NO_SIGHT) -> ScanOutcome:
         """One scan: predict, associate, sample, weight, update and existence in every particle, then resample."""
-        normals = self._generator.standard_normal((len(self.poses), 3))
+        drawn = normals(self._generator, len(self.poses))
         names = self._names(features)
         matches, tallies = self._step_all(
-            ScanInput(increment.mean, increment.covariance, normals, self._mount, features, names, sight)
+            ScanInput(increment.mean, increment.covariance, drawn, self._mount, features, names, sight)
         )
         self.weights = normalised(self.log_weights)
         self.best = int(np.argmax(self.weights))
@@ -97,9 +99,9 @@ class FastSlam:
 
     def redraw(self, mean: FloatArray, covariance: FloatArray, identities: IntArray, log_odds: FloatArray) -> None:
         """Begin anew from a Gaussian over the pose and landmarks (L,): mean (3 + 2 L,) and its covariance."""
-        normals = self._generator.standard_normal((len(self.poses), 3))
+        drawn = normals(self._generator, len(self.poses))
         self.poses, self.store = redrawn(
-            mean, covariance, identities, log_odds, normals, self._tuning.cell_m, self._settings.view.range_max_m
+            mean, covariance, identities, log_odds, drawn, self._tuning.cell_m, self._settings.view.range_max_m
         )
         self.log_weights = np.zeros(len(self.poses))
         self.weights = normalised(self.log_weights)
@@ -149,6 +151,8 @@ def weighted_mean(poses: FloatArray, weights: FloatArray) -> tuple[Pose2, FloatA
     reference = float(poses[int(np.argmax(weights)), 2])
     deviations = poses.copy()
     deviations[:, 2] = wrap_rads(poses[:, 2] - reference)
-    mean = weights @ deviations
+    mean = applied(deviations.T, weights)
     centred = deviations - mean
-    return Pose2(float(mean[0]), float(mean[1]), wrap_rad(reference + float(mean[2]))), (weights * centred.T) @ centred
+    return Pose2(float(mean[0]), float(mean[1]), wrap_rad(reference + float(mean[2]))), product(
+        weights * centred.T, centred
+    )

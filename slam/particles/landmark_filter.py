@@ -3,7 +3,8 @@
 import math
 
 from drivers.measurements import FloatArray
-from slam.angles import angle_between, cosine_sine, wrapped
+from slam.angles import angle_between, wrapped
+from slam.arithmetic.functions import arctangent, cosine_sine
 from slam.compiled import leaf
 from slam.observations import Sighting
 from slam.particles.proposals import landmark_root
@@ -22,7 +23,7 @@ def update_landmark(
     """Fold one sighting into landmark (6,), in place: 5 sigma points (n = 2), or Jacobians where `linear`."""
     dx, dy = landmark[0] - sensor[0], landmark[1] - sensor[1]
     square = max(dx * dx + dy * dy, 1e-12)
-    distance, direction = math.sqrt(square), math.atan2(dy, dx)
+    distance, direction = math.sqrt(square), arctangent(dy, dx)
     if linear:
         rx, ry, bx, by = dx / distance, dy / distance, -dy / square, dx / square
         x_r, x_b = landmark[2] * rx + landmark[3] * ry, landmark[2] * bx + landmark[3] * by
@@ -79,7 +80,7 @@ def new_landmark(
 ) -> None:
     """Write mean and covariance of h^-1(z) into landmark (6,): 5 sigma points over (z, R), or Jacobians."""
     direction = sensor[2] + sighting.bearing_rad
-    cosine, sine = math.cos(direction), math.sin(direction)
+    cosine, sine = cosine_sine(direction)
     distance = sighting.range_m
     if linear:
         landmark[0], landmark[1] = sensor[0] + distance * cosine, sensor[1] + distance * sine

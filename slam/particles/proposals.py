@@ -9,7 +9,8 @@ import math
 from typing import NamedTuple
 
 from drivers.measurements import FloatArray
-from slam.angles import angle_between, cosine_sine, half_turn, wrapped
+from slam.angles import angle_between, half_turn, wrapped
+from slam.arithmetic.functions import arctangent, cosine_sine, logarithm
 from slam.compiled import inlined, leaf
 from slam.observations import Sighting
 from slam.settings.sigma_points import UnscentedWeights
@@ -50,7 +51,7 @@ class Moments(NamedTuple):
 def linearised_moments(belief: PoseBelief, mount: FloatArray, landmark: FloatArray, noise: Sighting) -> Moments:
     """By Jacobians (EKF, equation (3)): mount (3,) of the sensor, landmark (6,)."""
     pose, p = belief.pose, belief.covariance
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    cosine, sine = cosine_sine(pose[2])
     arm_x, arm_y = cosine * mount[0] - sine * mount[1], sine * mount[0] + cosine * mount[1]
     dx, dy = landmark[0] - pose[0] - arm_x, landmark[1] - pose[1] - arm_y
     square = max(dx * dx + dy * dy, 1e-12)
@@ -70,7 +71,7 @@ def linearised_moments(belief: PoseBelief, mount: FloatArray, landmark: FloatArr
     bb = bl_x * bl_x * xx + 2.0 * bl_x * bl_y * xy + bl_y * bl_y * yy
     return Moments(
         distance,
-        wrapped(math.atan2(dy, dx) - pose[2] - mount[2]),
+        wrapped(arctangent(dy, dx) - pose[2] - mount[2]),
         rr - rl_x * x_r - rl_y * y_r + rh * h_r + noise.rr,
         rb - rl_x * x_b - rl_y * y_b + rh * h_b + noise.rb,
         bb - bl_x * x_b - bl_y * y_b + bh * h_b + noise.bb,
@@ -99,7 +100,7 @@ def unscented_moments(
     (8) leave over.
     """
     pose, root = belief.pose, belief.root
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    cosine, sine = cosine_sine(pose[2])
     dx, dy = landmark[0] - pose[0], landmark[1] - pose[1]
     # the landmark in the body frame, and as seen from the sensor with axes parallel to the body's
     body_x, body_y = cosine * dx + sine * dy, cosine * dy - sine * dx
@@ -146,7 +147,7 @@ def unscented_moments(
     mean_r, mean_b = w * sum_r, w * sum_b
     return Moments(
         range_0 + mean_r,
-        wrapped(math.atan2(y_0, x_0) - mount[2] + mean_b),
+        wrapped(arctangent(y_0, x_0) - mount[2] + mean_b),
         w * rr + spread * mean_r * mean_r + noise.rr,
         w * rb + spread * mean_r * mean_b + noise.rb,
         w * bb + spread * mean_b * mean_b + noise.bb,
@@ -202,7 +203,7 @@ def squared_distance(moments: Moments, sighting: Sighting) -> float:
 def log_likelihood(moments: Moments, distance: float) -> float:
     """Logarithm of (4): -1/2 log |2 pi S| - distance / 2, the whole of (2 pi)^2 |S| under the root."""
     determinant = moments.rr * moments.bb - moments.rb * moments.rb
-    return -0.5 * (distance + math.log(4.0 * math.pi * math.pi * determinant))
+    return -0.5 * (distance + logarithm(4.0 * math.pi * math.pi * determinant))
 
 
 @inlined

@@ -3,6 +3,7 @@
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
+from slam.arithmetic.small_matrices import eigen, product, pseudo_inverse
 from slam.compiled import kernel
 from slam.particles.pages import FIELDS, FREE_PAGES, LOG_ODDS, USED_SLOTS, XX, XY, YY, Pages, X, Y, append
 from slam.particles.store import LandmarkStore
@@ -25,12 +26,12 @@ def redrawn(
     mean (3 + 2 L,) and covariance: pose, then the landmarks. normals (M, 3) to sample with.
     """
     count = len(identities)
-    values, vectors = np.linalg.eigh(covariance[:3, :3])
-    offsets = (normals * np.sqrt(np.maximum(values, 0.0))) @ vectors.T
-    gain = covariance[PLACE:, :3] @ np.linalg.pinv(covariance[:3, :3], hermitian=True)
-    left = covariance[PLACE:, PLACE:] - gain @ covariance[:3, PLACE:]
+    values, vectors = eigen(covariance[:3, :3])
+    offsets = product(normals * np.sqrt(np.maximum(values, 0.0)), vectors.T)
+    gain = product(covariance[PLACE:, :3], pseudo_inverse(covariance[:3, :3]))
+    left = covariance[PLACE:, PLACE:] - product(gain, covariance[:3, PLACE:])
     landmarks = np.zeros((len(normals), count, FIELDS))
-    moved = mean[PLACE:] + offsets @ gain.T
+    moved = mean[PLACE:] + product(offsets, gain.T)
     landmarks[:, :, X], landmarks[:, :, Y] = moved[:, 0::2], moved[:, 1::2]
     diagonal = np.maximum(np.diag(left), 1e-6)
     landmarks[:, :, XX], landmarks[:, :, YY] = diagonal[0::2], diagonal[1::2]

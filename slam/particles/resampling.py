@@ -3,6 +3,7 @@
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
+from slam.arithmetic.functions import exponentials
 from slam.compiled import kernel
 from slam.particles.pages import Pages, adopt_row
 
@@ -13,7 +14,7 @@ def normalised(log_weights: FloatArray) -> FloatArray:
     peak = usable.max()
     if not np.isfinite(peak):
         return np.full(log_weights.size, 1.0 / log_weights.size)
-    weights = np.exp(usable - peak)
+    weights = exponentials(usable - peak)
     return np.asarray(weights / weights.sum())
 
 

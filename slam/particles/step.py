@@ -1,6 +1,5 @@
 """One scan in all particles: predict, associate, sample, weight, update, existence; compiled as one loop."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +7,7 @@ from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray, IntArray
 from slam.angles import wrapped
+from slam.arithmetic.functions import cosine_sine
 from slam.compiled import kernel, leaf
 from slam.observations import NEW, FeatureRows
 from slam.particles.association import KNOWN, associate, candidates_of
@@ -67,7 +67,7 @@ def predict(pose: FloatArray, covariance: FloatArray, increment: FloatArray, inc
     """Move an exactly known pose (3,) by the increment (3,) in place; covariance (3, 3) becomes the increment's,
     turned.
     """
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    cosine, sine = cosine_sine(pose[2])
     pose[0] += cosine * increment[0] - sine * increment[1]
     pose[1] += sine * increment[0] + cosine * increment[1]
     pose[2] = wrapped(pose[2] + increment[2])

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray, IntArray
+from slam.arithmetic.elementary import exponential, logarithm, squared
+from slam.arithmetic.functions import lengths
 from slam.pose import Pose2, wrap_rad
 from slam.recognise.map_index import FREE, IndexedMap, MapIndex
 from slam.recognise.prior import PosePrior, region_of
@@ -68,7 +70,7 @@ class LocalPoints:
 
     def nearest(self, count: int) -> "LocalPoints":
         """So many of them, or all."""
-        kept = np.sort(np.argsort(np.hypot(*self.points_m.T), kind="stable")[:count])
+        kept = np.sort(np.argsort(lengths(self.points_m), kind="stable")[:count])
         both = np.column_stack((2 * kept, 2 * kept + 1)).ravel()
         covariance = self.covariance_m2[np.ix_(both, both)]
         return LocalPoints(self.identities[kept], self.points_m[kept], covariance, self.log_odds[kept])
@@ -96,7 +98,7 @@ class Hypothesis:
     @property
     def probability_wrong(self) -> float:
         """As it is published: ten times the odds' own, and never below what trials can show."""
-        return max(10.0 * math.exp(-self.odds), LEAST_WRONG) if self.odds > 0.0 else 1.0
+        return max(10.0 * exponential(-self.odds), LEAST_WRONG) if self.odds > 0.0 else 1.0
 
     @property
     def acceptable(self) -> bool:
@@ -117,7 +119,7 @@ class Attempt:
         self._known, self._is_told = known, prior is not None
         chosen = np.argsort(points.variances_m2, kind="stable")[:MOST_POINTS]
         self._identities = points.identities[chosen]
-        variances = points.variances_m2[chosen] + scale.sigma_m**2
+        variances = points.variances_m2[chosen] + squared(scale.sigma_m)
         self._sides = []
         if len(chosen) >= LEAST_POINTS:
             task = searched(known, points.points_m[chosen], variances, scale, prior)
@@ -163,7 +165,7 @@ def recognise(index: MapIndex, points: LocalPoints, prior: PosePrior | None = No
 def at_place(index: MapIndex, points: LocalPoints, place: Hypothesis) -> Hypothesis:
     """The same place with the local points that have a landmark of the map where they should be."""
     known = index.indexed
-    task = searched(known, points.points_m, points.variances_m2 + index.scale.sigma_m**2, index.scale, None)
+    task = searched(known, points.points_m, points.variances_m2 + squared(index.scale.sigma_m), index.scale, None)
     matches = np.full(len(points), FREE, dtype=np.int64)
     if len(points) and len(index):
         takers = np.full(len(known.identities), FREE, dtype=np.int64)
@@ -230,8 +232,10 @@ def odds_of(factors: list[float], chance: list[float]) -> float:
     """
     if not factors:
         return -math.inf
-    others = [math.log(0.5), *(math.log(0.5) + factor for factor in factors[1:])]
-    odds = math.log(0.5) + factors[0] - float(np.logaddexp.reduce(others))
+    others = [logarithm(0.5), *(logarithm(0.5) + factor for factor in factors[1:])]
+    largest = max(others)
+    everything = largest + logarithm(sum(exponential(other - largest) for other in others))
+    odds = logarithm(0.5) + factors[0] - everything
     return odds / spacing(chance) if odds > 0.0 else odds
 
 
@@ -249,28 +253,28 @@ def searched(
     """Which pairs of the local points (n, 2) are tried: long, exact ones of a length that is rare in the map."""
     count = len(points_m)
     first, second = np.triu_indices(count, 1)
-    lengths = np.hypot(*(points_m[second] - points_m[first]).T)
+    lengths_m = lengths(points_m[second] - points_m[first])
     tolerances = LENGTH_SIGMAS * np.sqrt(variances_m2[first] + variances_m2[second])
-    low = np.searchsorted(known.pairs.lengths_m, (lengths - tolerances).astype(np.float32), side="left")
-    high = np.searchsorted(known.pairs.lengths_m, (lengths + tolerances).astype(np.float32), side="right")
-    own = variances_m2[first] + variances_m2[second] - 2.0 * scale.sigma_m**2
-    cost = (high - low) * (1.0 + own) / np.sqrt(np.minimum(lengths, USEFUL_LENGTH_M) + 1e-9)
+    low = np.searchsorted(known.pairs.lengths_m, (lengths_m - tolerances).astype(np.float32), side="left")
+    high = np.searchsorted(known.pairs.lengths_m, (lengths_m + tolerances).astype(np.float32), side="right")
+    own = variances_m2[first] + variances_m2[second] - 2.0 * squared(scale.sigma_m)
+    cost = (high - low) * (1.0 + own) / np.sqrt(np.minimum(lengths_m, USEFUL_LENGTH_M) + 1e-9)
     used = np.zeros(count, dtype=np.int64)
     chosen: list[int] = []
     for pair in np.argsort(cost, kind="stable").tolist():
         a, b = first[pair], second[pair]
-        usable = high[pair] > low[pair] and lengths[pair] >= scale.shortest_pair_m
+        usable = high[pair] > low[pair] and lengths_m[pair] >= scale.shortest_pair_m
         if usable and used[a] < PAIRS_OF_A_POINT and used[b] < PAIRS_OF_A_POINT and len(chosen) < MOST_LOCAL_PAIRS:
             used[[a, b]] += 1
             chosen.append(pair)
     pairs = np.column_stack((first[chosen], second[chosen])).astype(np.int64)
     orders = np.zeros((len(chosen), max(count - 2, 0)), dtype=np.int64)
     for number, (a, b) in enumerate(pairs.tolist()):
-        far = np.hypot(*(points_m - 0.5 * (points_m[a] + points_m[b])).T)
+        far = lengths(points_m - 0.5 * (points_m[a] + points_m[b]))
         order = np.argsort(far, kind="stable")
         orders[number] = order[(order != a) & (order != b)]
     bounds = np.column_stack((low[chosen], high[chosen])).astype(np.int64)
-    bent_m2 = scale.sigma_m**2 - scale.same_sigma_m**2
+    bent_m2 = squared(scale.sigma_m) - squared(scale.same_sigma_m)
     return Searched(np.ascontiguousarray(points_m), variances_m2, pairs, bounds, orders, bent_m2, region_of(prior))
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import BoolArray, FloatArray, IntArray
+from slam.arithmetic.functions import lengths
 from slam.recognise.grid import Grid, make_grid, neighbours
 from slam.recognise.scale import Scale
 
@@ -72,7 +73,7 @@ class MapIndex:
         most_changes: landmarks that are added or taken out in this call, None for all.
         """
         known = np.array([self._row_of.get(identity, FREE) for identity in identities.tolist()], dtype=np.int64)
-        apart = np.hypot(*(self._points[known] - means_m).T)
+        apart = lengths(self._points[known] - means_m)
         moved = (known != FREE) & (apart > MOVED_SHARE * self.scale.sigma_m)
         gone = self._identities != FREE
         gone[known[(known != FREE) & ~moved]] = False
@@ -88,9 +89,9 @@ class MapIndex:
         """The map as it is now."""
         if self._indexed is None:
             points, used = self._points.copy(), self._identities != FREE
-            densities = (1 + self._crowds) / (math.pi * CROWD_M**2)
+            densities = (1 + self._crowds) / (math.pi * CROWD_M * CROWD_M)
             grid = make_grid(points, used, self.scale.widest_gate_m)
-            area = len(self._covered) * CELL_M**2
+            area = len(self._covered) * CELL_M * CELL_M
             self._indexed = IndexedMap(self._identities.copy(), grid, self._pairs, densities, area)
         return self._indexed
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slam.arithmetic.elementary import cosine_sine, squared
 from slam.pose import Pose2
 
 REACH_SIGMAS = 4.0
@@ -49,6 +50,8 @@ def region_of(prior: PosePrior | None) -> Region:
         return ANYWHERE
     sigma_m = float(np.clip(prior.sigma_m, LEAST_SIGMA_M, LARGEST_SIGMA_M))
     sigma_rad = float(np.clip(prior.sigma_rad, LEAST_SIGMA_RAD, LARGEST_SIGMA_RAD))
-    widest = math.cos(min(REACH_SIGMAS * sigma_rad, math.pi))
+    widest = cosine_sine(min(REACH_SIGMAS * sigma_rad, math.pi))[0]
     pose = prior.pose
-    return Region(pose.x_m, pose.y_m, pose.heading_rad, REACH_SIGMAS * sigma_m, widest, sigma_m**2, sigma_rad**2)
+    return Region(
+        pose.x_m, pose.y_m, pose.heading_rad, REACH_SIGMAS * sigma_m, widest, squared(sigma_m), squared(sigma_rad)
+    )

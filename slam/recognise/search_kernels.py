@@ -7,6 +7,8 @@ import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
 from slam.angles import wrapped
+from slam.arithmetic.functions import arctangent, cosine_sine, exponential, hypotenuse, logarithm
+from slam.arithmetic.small_matrices import determinant_of_three, eliminate
 from slam.compiled import kernel, leaf
 from slam.recognise.grid import NONE, is_empty, nearest
 from slam.recognise.map_index import IndexedMap
@@ -52,7 +54,7 @@ class Candidates(NamedTuple):
 def ratio(square: float, variance_m2: float, density: float) -> float:
     """Log-likelihood ratio, against chance, of a point that has a landmark within its gate, 1 / m^2 density."""
     peak = DETECTION / (2.0 * math.pi * variance_m2 * density)
-    return math.log(1.0 - DETECTION + peak * math.exp(-0.5 * square / variance_m2))
+    return logarithm(1.0 - DETECTION + peak * exponential(-0.5 * square / variance_m2))
 
 
 @leaf
@@ -79,13 +81,13 @@ def search(searched: Searched, known: IndexedMap, cursor: IntArray, most_looks: 
 
     A pose is dropped as soon as its points speak against it: most after four.
     """
-    missing = math.log(1.0 - DETECTION)
+    missing = logarithm(1.0 - DETECTION)
     others = searched.orders.shape[1]
     ahead, left = np.empty(others), np.empty(others)
     variances, gates = np.empty(others), np.empty(others)
     places, occupied, per_metre = known.grid.points_m, known.grid.occupied, 1.0 / known.grid.patch_m
     region = searched.region
-    ahead_x, ahead_y = math.cos(region.heading), math.sin(region.heading)
+    ahead_x, ahead_y = cosine_sine(region.heading)
     looks = 0
     while cursor[TASK] < searched.pairs.shape[0]:
         task = cursor[TASK]
@@ -105,7 +107,7 @@ def search(searched: Searched, known: IndexedMap, cursor: IntArray, most_looks: 
                 sine = scale * (along_x * to_y - along_y * to_x)
                 x = places[i, 0] + 0.5 * to_x - cosine * middle_x + sine * middle_y
                 y = places[i, 1] + 0.5 * to_y - sine * middle_x - cosine * middle_y
-                is_far = math.hypot(x - region.x, y - region.y) > region.reach_m
+                is_far = hypotenuse(x - region.x, y - region.y) > region.reach_m
                 if is_far or cosine * ahead_x + sine * ahead_y < region.least_cosine:
                     looks += 1
                     continue
@@ -122,7 +124,7 @@ def search(searched: Searched, known: IndexedMap, cursor: IntArray, most_looks: 
                         break
                 if value >= GIVE_UP:
                     looks += COSTLY_LOOK
-                    keep(candidates, x, y, math.atan2(sine, cosine), value)
+                    keep(candidates, x, y, arctangent(sine, cosine), value)
         cursor[TASK] += 1
         if cursor[TASK] < searched.pairs.shape[0]:
             cursor[AT] = searched.bounds[cursor[TASK], 0]
@@ -166,7 +168,7 @@ def match(
 
     takers (R,) is NONE everywhere before and afterwards.
     """
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    cosine, sine = cosine_sine(pose[2])
     squares = np.empty(matches.size)
     for u in range(matches.size):
         px, py = searched.points_m[u, 0], searched.points_m[u, 1]
@@ -197,7 +199,7 @@ def information_at(
 
     less_m2: by how much every variance is smaller than searched says.
     """
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    cosine, sine = cosine_sine(pose[2])
     information[:] = 0.0
     to_x, to_y, to_heading = 0.0, 0.0, 0.0
     for u in range(matches.size):
@@ -244,7 +246,7 @@ def refine(searched: Searched, known: IndexedMap, pose: FloatArray, takers: IntA
     nearby = pose.copy()
     improve(searched, known, nearby, matches, searched.bent_m2, information)
     exact = log_factor(searched, known, nearby, matches, searched.bent_m2, information)
-    return float(np.logaddexp(bent, exact)) - math.log(2.0)
+    return bent if bent == exact else max(bent, exact) + logarithm(0.5 + 0.5 * exponential(-abs(bent - exact)))
 
 
 @kernel
@@ -253,10 +255,12 @@ def improve(
 ) -> FloatArray:
     """Move the pose (3,) to where the squares of its matches are least, as they look from here; returns by how much."""
     to_x, to_y, to_heading = information_at(searched, known, pose, matches, less_m2, information)
-    change = np.linalg.solve(information, np.array((to_x, to_y, to_heading)))
-    pose += change
+    step = np.array(((to_x,), (to_y,), (to_heading,)))
+    if not eliminate(information.copy(), step):
+        step[:] = 0.0
+    pose += step[:, 0]
     pose[2] = wrapped(pose[2])
-    return change
+    return step[:, 0]
 
 
 @kernel
@@ -265,29 +269,32 @@ def log_factor(
 ) -> float:
     """Log of the Bayes factor of a pose with its matches (n,), the prior of the region included."""
     information_at(searched, known, pose, matches, less_m2, information)
-    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    cosine, sine = cosine_sine(pose[2])
     value = 0.0
     for u in range(matches.size):
         if matches[u] == NONE:
-            value += math.log(1.0 - DETECTION)
+            value += logarithm(1.0 - DETECTION)
             continue
         px, py = searched.points_m[u, 0], searched.points_m[u, 1]
         gap_x = known.grid.points_m[matches[u], 0] - pose[0] - cosine * px + sine * py
         gap_y = known.grid.points_m[matches[u], 1] - pose[1] - sine * px - cosine * py
         square = gap_x * gap_x + gap_y * gap_y
         value += ratio(square, searched.variances_m2[u] - less_m2, known.densities[matches[u]])
-    determinant = np.linalg.det(information)
+    determinant = determinant_of_three(information)
     if determinant <= 0.0:
         return -math.inf
-    value += 1.5 * math.log(2.0 * math.pi) - 0.5 * math.log(determinant)
+    value += 1.5 * logarithm(2.0 * math.pi) - 0.5 * logarithm(determinant)
     region = searched.region
     if region.variance_m2 == math.inf:
-        return value - math.log(2.0 * math.pi * known.area_m2)
-    spread = np.linalg.inv(information)
+        return value - logarithm(2.0 * math.pi * known.area_m2)
+    spread = np.eye(3)
+    eliminate(information.copy(), spread)
     spread[0, 0] += region.variance_m2
     spread[1, 1] += region.variance_m2
     spread[2, 2] += region.variance_rad2
     off = np.array((pose[0] - region.x, pose[1] - region.y, wrapped(pose[2] - region.heading)))
-    square = float((off * np.linalg.solve(spread, off)).sum())
-    value -= 0.5 * (square + math.log(np.linalg.det(spread)) + 3.0 * math.log(2.0 * math.pi))
+    right = off.copy().reshape(3, 1)
+    eliminate(spread.copy(), right)
+    square = float((off * right[:, 0]).sum())
+    value -= 0.5 * (square + logarithm(determinant_of_three(spread)) + 3.0 * logarithm(2.0 * math.pi))
     return value

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from slam.arithmetic.small_matrices import squared_distance
 from slam.estimate import MapProgress
 from slam.joint.atlas import AWAY
 from slam.joint.gaussian import CONFIRMED_LOG_ODDS, KEYFRAME, JointGaussian
@@ -107,7 +108,7 @@ class Island:
         off[2] = wrap_rad(float(off[2]))
         sigma_m = self.index.scale.sigma_m
         spread = self.joint.covariance + np.diag(np.square((sigma_m, sigma_m, HEADING_RADPM * sigma_m)))
-        return bool(off @ np.linalg.solve(spread, off) < MODELLED_SQUARE)
+        return squared_distance(off, spread) < MODELLED_SQUARE
 
     def close_loop(self, found: Hypothesis) -> Conditioned | None:
         """What was made since the rooted part was left is there already: they are one, and nothing jumps."""

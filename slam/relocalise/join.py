@@ -10,19 +10,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray, IntArray
+from slam.arithmetic.functions import lengths
+from slam.arithmetic.small_matrices import applied, product
 from slam.joint.atlas import AWAY
 from slam.joint.gaussian import KEYFRAME, JointGaussian
 from slam.joint.measurement import FIRST_PLACE
 from slam.joint.state import JointState
 from slam.maps.joint_map import tie_pose
 from slam.observations import IDENTITIES_PER_SCAN
-from slam.pose import Pose2, rotated
+from slam.pose import Pose2, turning
 from slam.recognise.attempt import LocalPoints
 from slam.recognise.scale import Scale
 from slam.relocalise.joint_compatibility import Conditioned, condition_on_matches
 
-LAID = np.diag((0.1**2, 0.1**2, 0.02**2))  # of a pose that scans say
-ANYWHERE = np.diag((100.0**2, 100.0**2, 3.0**2))  # nothing of the old pose is believed
+LAID = np.diag((0.1 * 0.1, 0.1 * 0.1, 0.02 * 0.02))  # of a pose that scans say
+ANYWHERE = np.diag((1e4, 1e4, 9.0))  # nothing of the old pose is believed
 LEAST_MATCHES = 4
 FAR_TIMES, FAR_M2 = 4.0, 1.0  # covariance of what is turned along rigidly: its own so many times, and so much more
 NEAR_SIGMAS = 3.0  # of the scale: nearer to a landmark none is added
@@ -40,8 +42,9 @@ class FarLandmarks:
 
     def turned(self, new_from_old: Pose2) -> "FarLandmarks":
         """The same in another frame, less exact."""
-        turn = rotated(np.eye(2), new_from_old.heading_rad).T
-        covariances = FAR_TIMES * turn @ self.covariances_m2 @ turn.T + FAR_M2 * np.eye(2)
+        turn = turning(new_from_old.heading_rad)
+        half = (turn[:, :, None] * self.covariances_m2[:, None]).sum(axis=2)
+        covariances = FAR_TIMES * (half[:, :, None] * turn).sum(axis=3) + FAR_M2 * np.eye(2)
         return FarLandmarks(self.identities, new_from_old.transform(self.means_m), covariances, self.log_odds)
 
 
@@ -50,7 +53,7 @@ def far_landmarks(
 ) -> FarLandmarks:
     """What was made from a scan on, is farther from the pose than nearest_m, and is not among `without`."""
     everything = joint.landmarks()
-    distances = np.hypot(everything.means_m[:, 0] - pose.x_m, everything.means_m[:, 1] - pose.y_m)
+    distances = lengths(everything.means_m - (pose.x_m, pose.y_m))
     wanted = (everything.identities >= since_scan * IDENTITIES_PER_SCAN) & (distances > nearest_m)
     chosen = np.flatnonzero(wanted & ~np.isin(everything.identities, without))
     return FarLandmarks(
@@ -105,12 +108,12 @@ def join(
     covariance[n:, n:] = points.covariance_m2
 
     def gaps(at: FloatArray, kept: list[int]) -> tuple[FloatArray, FloatArray]:
-        turn = rotated(np.eye(2), float(at[2]))  # rows: body_from_map
+        turn = turning(-float(at[2]))  # body_from_map
         values, slopes = np.zeros(2 * len(kept)), np.zeros((2 * len(kept), len(at)))
         for row, number in enumerate(kept):
             index, place = matches[number]
             two, own = slice(2 * row, 2 * row + 2), slice(n + 2 * index, n + 2 * index + 2)
-            seen = turn @ (at[place : place + 2] - at[:2])
+            seen = applied(turn, at[place : place + 2] - at[:2])
             values[two] = at[own] - seen
             slopes[two, :2], slopes[two, place : place + 2], slopes[two, own] = turn, -turn, np.eye(2)
             slopes[two, 2] = -seen[1], seen[0]
@@ -173,7 +176,7 @@ def carry_along(joint: JointGaussian, far: FarLandmarks, scale: Scale) -> None:
     for identity, mean, covariance, log_odds in zip(
         far.identities.tolist(), far.means_m, far.covariances_m2, far.log_odds.tolist(), strict=True
     ):
-        if identity in taken or _is_near(mean, known.means_m, FAR_M2**0.5 + NEAR_SIGMAS * scale.sigma_m):
+        if identity in taken or _is_near(mean, known.means_m, math.sqrt(FAR_M2) + NEAR_SIGMAS * scale.sigma_m):
             continue
         joint.state.atlas.add_away(identity, log_odds, mean, covariance)
 
@@ -193,12 +196,12 @@ def _add_new(
     staying[ghosts] = False
     taken = set(state.atlas.identities[staying].tolist())
     x, y, heading = found.mean[:3].tolist()
-    turn = rotated(np.eye(2), heading).T  # columns: map_from_body
+    turn = turning(heading)  # map_from_body
     known = state.points_m[staying[state.rows]]
     by = np.eye(n, len(found.mean))
     for index in chosen:
         own = slice(n + 2 * index, n + 2 * index + 2)
-        away = turn @ found.mean[own]
+        away = applied(turn, found.mean[own])
         mean = np.array((x, y)) + away
         if _is_near(mean, known, NEAR_SIGMAS * scale.sigma_m):
             continue
@@ -208,10 +211,10 @@ def _add_new(
         while identity in taken:
             identity += IDENTITIES_PER_SCAN // 2
         taken.add(identity)
-        cross = row @ found.covariance
-        state.append(identity, float(points.log_odds[index]), mean, cross @ by.T, cross @ row.T)
+        cross = product(row, found.covariance)
+        state.append(identity, float(points.log_odds[index]), mean, product(cross, by.T), product(cross, row.T))
         by = np.vstack((by, row))
 
 
 def _is_near(mean: FloatArray, others: FloatArray, distance_m: float) -> bool:
-    return bool((np.hypot(others[:, 0] - mean[0], others[:, 1] - mean[1]) < distance_m).any())
+    return bool((lengths(others - mean) < distance_m).any())

@@ -1,10 +1,13 @@
 """Condition a Gaussian on matches that are jointly compatible; the worst are dropped until the rest are."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
 from drivers.measurements import FloatArray
+from slam.arithmetic.elementary import squared
+from slam.arithmetic.small_matrices import applied, inner, inverse, product, squared_distance
 
 ITERATIONS = 3
 DROPPED_SHARE = 3  # at most one match in so many
@@ -24,7 +27,8 @@ class Conditioned:
 def chi_square_999(freedom: int) -> float:
     """What 99.9 % of squared distances stay below (Wilson and Hilferty)."""
     part = 2.0 / (9.0 * freedom)
-    return float(freedom * (1.0 - part + NORMAL_999 * part**0.5) ** 3)
+    root = 1.0 - part + NORMAL_999 * math.sqrt(part)
+    return freedom * root * root * root
 
 
 def condition_on_matches(
@@ -46,21 +50,20 @@ def condition_on_matches(
         at = mean
         for _ in range(ITERATIONS):
             gaps, slopes = evaluate(at, kept)
-            innovation = -gaps - slopes @ (mean - at)
-            projected = slopes @ covariance
-            spread = projected @ slopes.T + sigma_m**2 * np.eye(len(gaps))
-            inverse = np.linalg.inv(spread)
-            weighted = inverse @ innovation
-            at = mean + projected.T @ weighted
-        square, freedom = float(innovation @ weighted), 2 * len(kept) - unknown
+            innovation = -gaps - applied(slopes, mean - at)
+            projected = product(slopes, covariance)
+            certainty = inverse(product(projected, slopes.T) + squared(sigma_m) * np.eye(len(gaps)))
+            weighted = applied(certainty, innovation)
+            at = mean + applied(projected.T, weighted)
+        square, freedom = inner(innovation, weighted), 2 * len(kept) - unknown
         if square <= chi_square_999(freedom):
-            posterior = covariance - projected.T @ inverse @ projected
+            posterior = covariance - product(product(projected.T, certainty), projected)
             return Conditioned(at, 0.5 * (posterior + posterior.T), kept, square, freedom)
         if matches - len(kept) == most_dropped:
             return None
         # what the squared distance would lose without each match
         losses = [
-            float(weighted[two] @ np.linalg.solve(inverse[two, two], weighted[two]))
+            squared_distance(weighted[two], certainty[two, two])
             for two in (slice(2 * index, 2 * index + 2) for index in range(len(kept)))
         ]
         del kept[int(np.argmax(losses))]

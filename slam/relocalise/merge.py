@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from slam.arithmetic.functions import lengths
 from slam.joint.evidence import SETTLED_SCANS
 from slam.joint.gaussian import JointGaussian
 from slam.keyframes.keyframes import Keyframes
@@ -67,7 +68,7 @@ def _renamed(known: JointMap, scans: int) -> JointMap:
 
 def _places(known: JointMap, apart_m: float) -> list[Pose2]:
     """Landmarks to stand at, no two of them near each other, those with most around them first."""
-    gaps = np.linalg.norm(known.means_m[:, None] - known.means_m, axis=2)
+    gaps = lengths(known.means_m[:, None] - known.means_m)
     company = (gaps < apart_m).sum(axis=1)
     chosen: list[int] = []
     for number in np.argsort(-company, kind="stable").tolist():

@@ -7,9 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
+from slam.arithmetic.functions import lengths
 from slam.compiled import kernel
 from slam.maps.occupancy_grid import FREE, OCCUPIED, GridMap, OccupancyArray, OccupancyGrid
 from slam.maps.views import Views
+from slam.pose import Pose2
 
 CELL_M = 0.15
 MOST_CELLS = 4_000_000  # 32 MB while it is made; what lies beyond them is not looked at
@@ -34,7 +36,7 @@ class Ground(NamedTuple):
     def near(self, x_m: float, y_m: float, radius_m: float) -> "Ground":
         """The same with the positions within a radius of a point."""
         rows, columns = (self.places.T + 0.5) * CELL_M
-        distances = np.hypot(self.x_m + columns - x_m, self.y_m + rows - y_m)
+        distances = lengths(np.column_stack((self.x_m + columns - x_m, self.y_m + rows - y_m)))
         return self._replace(places=np.ascontiguousarray(self.places[distances <= radius_m]))
 
 
@@ -56,8 +58,7 @@ class Plan:
         last = min(self.added + most_views, len(self._views))
         for number in range(self.added, last):
             pose, points = self._views.poses[number], self._views.points_m(number)
-            cosine, sine = np.cos(pose[2]), np.sin(pose[2])
-            ends = pose[:2] + points @ np.array(((cosine, sine), (-sine, cosine)))
+            ends = Pose2(*pose.tolist()).transform(points)
             try:
                 self._grid.add(pose[:2], ends, np.ones(len(ends), dtype=np.bool_))
             except MemoryError:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
+from slam.arithmetic.functions import cosine_sine
 from slam.compiled import kernel, leaf
 from slam.maps.occupancy_grid import OccupancyArray
 from slam.scan_search.ground import CellArray
@@ -41,7 +42,7 @@ def try_headings(
     looks, heading = 0, first
     while heading < HEADINGS and looks < most_looks:
         angle = 2.0 * math.pi * heading / HEADINGS
-        cosine, sine = math.cos(angle), math.sin(angle)
+        cosine, sine = cosine_sine(angle)
         quarter = heading * QUARTERS // HEADINGS
         for index in range(count):
             right[index] = math.floor(cosine * points[index, 0] - sine * points[index, 1] + 0.5)
@@ -64,7 +65,7 @@ def try_headings(
 @leaf
 def lying(fine: OccupancyArray, points: FloatArray, x: float, y: float, heading: float) -> int:
     """Points (n, 2) that lie on something, less those that lie in the open; x and y in cells."""
-    cosine, sine = math.cos(heading), math.sin(heading)
+    cosine, sine = cosine_sine(heading)
     total = 0
     for index in range(len(points)):
         row = math.floor(y + sine * points[index, 0] + cosine * points[index, 1])

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.measurements import FloatArray
+from slam.arithmetic.functions import lengths
 from slam.pose import Pose2, wrap_rad, wrap_rads
 from slam.recognise.attempt import odds_of
 from slam.scan_search.ground import CELL_M, Ground
@@ -20,7 +21,7 @@ GOLDEN = 0.618034  # share by which the points are taken that are tried first, f
 REFINED = 32  # poses
 LOOKED_THROUGH = 3000  # the best ones, of which the refined ones are chosen
 APART_M, APART_RAD = 1.0, 0.3  # nearer to each other, two poses are the same place
-LOOKS_A_POINT = sum((2 * reach + 1) ** 2 for _, _, reach in STEPS) * (2 * TURNS + 1)
+LOOKS_A_POINT = sum((2 * reach + 1) * (2 * reach + 1) for _, _, reach in STEPS) * (2 * TURNS + 1)
 
 Placed = tuple[float, float, float, float]  # how well the points lie, x m, y m, heading rad
 
@@ -132,7 +133,7 @@ class _Side:
             best = poses[0].copy()
             chosen.append(best)
             off = poses - best
-            near = np.hypot(off[:, 0], off[:, 1]) < APART_M / CELL_M
+            near = lengths(off[:, :2]) < APART_M / CELL_M
             poses = poses[~(near & (np.abs(wrap_rads(off[:, 2])) < APART_RAD))]
         return chosen
 

@@ -3,6 +3,8 @@
 import math
 from typing import NamedTuple
 
+from slam.arithmetic.elementary import squared
+
 ALPHA = 0.9  # spread; what the published code runs with
 BETA = 2.0  # weight of the centre in the covariance; right for a Gaussian
 KAPPA = 0.0  # second scale, as published
@@ -24,6 +26,6 @@ def unscented_weights(
 
     The print of (8) has 1 - alpha + beta; the standard form 1 - alpha^2 + beta is used here.
     """
-    spread = alpha**2 * (dimension + kappa)
+    spread = squared(alpha) * (dimension + kappa)
     mean_centre = (spread - dimension) / spread
-    return UnscentedWeights(math.sqrt(spread), mean_centre, mean_centre + 1.0 - alpha**2 + beta, 0.5 / spread)
+    return UnscentedWeights(math.sqrt(spread), mean_centre, mean_centre + 1.0 - squared(alpha) + beta, 0.5 / spread)

@@ -3,6 +3,7 @@
 from enum import IntEnum
 from typing import NamedTuple
 
+from slam.arithmetic.elementary import squared
 from slam.settings.sigma_points import ALPHA, BETA, UnscentedWeights, unscented_weights
 
 LASTING = 0.05, 0.01  # m and rad, sigmas of what a look at a thing has in common with the next one (decision 48)
@@ -43,7 +44,7 @@ class Tuning(NamedTuple):
     cell_m: float = 15.0  # edge of the cells that landmarks are kept in
     joint_weights: UnscentedWeights = unscented_weights(5)
     single_weights: UnscentedWeights = unscented_weights(2)
-    spread: float = BETA - ALPHA**2
+    spread: float = BETA - squared(ALPHA)
 
 
 class Strategy(IntEnum):

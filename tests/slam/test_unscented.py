@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slam.angles import angle_between, cosine_sine, wrapped
+from slam.angles import angle_between, wrapped
+from slam.arithmetic.functions import cosine_sine
 from slam.settings.sigma_points import unscented_weights
 from slam.unscented import pose_root_into
 from tests.support.slam.unscented import square_root, unscented_transform
