@@ -13,7 +13,7 @@ from runtime.live_view.ticks import HEARD, LiveTicks, path_of
 from runtime.publish.find_rover import FoundRover, find_rover
 from runtime.publish.follow import Follower, Message, following
 from runtime.publish.session import LARGEST_ANSWER
-from runtime.review.viewer import LOOPBACK, free_port, viewer_environment, viewer_path
+from runtime.review.viewer import LOOPBACK, free_port, require_screen, viewer_environment, viewer_path
 from runtime.review.writer import ReviewWriter
 from runtime.settings.configuration import load_configuration_text
 from runtime.settings.review import ReviewSettings
@@ -35,9 +35,10 @@ def view_live(
     """Until the viewer is closed or `stop`; returns the viewer's exit code, 0 where it was ended from here.
 
     tell: told what is shown, and with `web` where. The viewer's own words of that are left out.
-    Raises SensorError where no rover answers, UsageError, ConfigurationError where there is no viewer.
+    Raises SensorError where no rover answers, UsageError, ConfigurationError where there is no viewer or no screen.
     """
     found = find_rover(connect, rover, config_file)
+    require_screen(web)
     port, web_port = free_port(), free_port()
     command = [viewer_path(), "--bind", LOOPBACK, "--port", str(port)]
     command += ["--web-viewer", "--web-viewer-port", str(web_port)] if web else []

@@ -24,6 +24,11 @@ READY_S = 60.0
 POLL_S = 0.5
 TOP_BAR_PX = 36
 SETTLE_S = 2.0  # after the last change of time: textures and plots are drawn over a few frames
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")  # one of them is set where there is a screen
+NO_SCREEN = (
+    "there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); give --web, or --screenshot FILE.png for a "
+    "recorded run, or look from a machine with a screen"
+)
 NO_VULKAN = (
     "the viewer has no graphics driver; install one that needs no graphics card: apt-get install mesa-vulkan-drivers"
 )
@@ -57,8 +62,9 @@ def open_review(
     """Open the viewer and wait until it is closed; with `web` serve it to a browser on this machine.
 
     at_s: where the native viewer stands then, s since the first tick.
-    Returns the viewer's exit code. Raises ConfigurationError when the viewer is not installed.
+    Returns the viewer's exit code. Raises ConfigurationError when the viewer is not installed or there is no screen.
     """
+    require_screen(web)
     port = free_port()
     with subprocess.Popen(
         viewer_command(review_paths(folder, progress), web, port), env=viewer_environment()
@@ -69,6 +75,12 @@ def open_review(
             client = _loaded_client(viewer, ViewerClient, f"rerun+http://{LOOPBACK}:{port}/proxy", None, ELAPSED)
             client.set_time(ELAPSED, duration=at_s, play_state="paused")
         return viewer.wait()
+
+
+def require_screen(web: bool) -> None:
+    """Raises ConfigurationError for a window where there is no screen: the viewer would end in words of its own."""
+    if not web and not any(map(os.environ.get, SCREENS)):
+        raise ConfigurationError(NO_SCREEN)
 
 
 def viewer_command(rrds: Sequence[Path], web: bool, port: int) -> list[str]:

@@ -18,10 +18,13 @@ from runtime.record.mcap_file import RecordFile
 from runtime.review.layout import SLAM
 from runtime.review.viewer import (
     RRD_MAGIC,
+    SCREENS,
     free_port,
     headless_viewer,
     is_of_newer_rerun,
+    open_review,
     reported_errors,
+    require_screen,
     review_paths,
     screenshot,
     viewer_command,
@@ -145,6 +148,18 @@ def test_no_viewer_is_one_sentence(run: RunFolder, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("runtime.review.viewer.find_spec", lambda name: None)
     with pytest.raises(ConfigurationError, match="install the package rerun-sdk"):
         viewer_command(review_paths(run), False, 9876)
+
+
+def test_no_screen_is_one_sentence_that_says_what_works_without(
+    run: RunFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in SCREENS:
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(ConfigurationError, match=r"no screen here .*; give --web, or --screenshot FILE\.png"):
+        open_review(run)
+    require_screen(web=True)
+    monkeypatch.setenv("DISPLAY", ":0")
+    require_screen(web=False)
 
 
 @pytest.mark.browser
