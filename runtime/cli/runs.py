@@ -215,7 +215,7 @@ def view(
     if screenshot is None:
         if web and at is not None:
             raise UsageError("--at works in the native viewer only; leave out --web, or move the time in the browser")
-        code = viewer.open_review(folder, web, progress, at)
+        code = viewer.open_review(folder, web, progress, at, lambda line: say(f"infant: {line}", err=True))
         if as_json:
             say_json({"run": run, "viewer_exit_code": code})
         return

@@ -13,7 +13,7 @@ from runtime.live_view.ticks import HEARD, LiveTicks, path_of
 from runtime.publish.find_rover import FoundRover, find_rover
 from runtime.publish.follow import Follower, Message, following
 from runtime.publish.session import LARGEST_ANSWER
-from runtime.review.viewer import LOOPBACK, free_port, require_screen, viewer_environment, viewer_path
+from runtime.review.viewer import LOOPBACK, free_port, page_url, require_screen, viewer_environment, viewer_path
 from runtime.review.writer import ReviewWriter
 from runtime.settings.configuration import load_configuration_text
 from runtime.settings.review import ReviewSettings
@@ -45,8 +45,7 @@ def view_live(
     viewer = subprocess.Popen(command, env={**viewer_environment(), "RUST_LOG": "error"})
     try:
         _await(port, viewer)
-        page = f"http://{LOOPBACK}:{web_port}?url=rerun%2Bhttp%3A%2F%2F{LOOPBACK}%3A{port}%2Fproxy"
-        tell(f"{found.name} is shown at {page}; Ctrl-C ends" if web else f"{found.name} is shown; Ctrl-C ends")
+        tell(f"{found.name} is shown{f' at {page_url(port, web_port)}' if web else ''}; Ctrl-C ends")
         draw_live(found, config_file, f"rerun+http://{LOOPBACK}:{port}/proxy", lambda: viewer.poll() is None, stop)
         return viewer.poll() or 0
     finally:

@@ -57,18 +57,22 @@ def is_of_newer_rerun(rrd: Path) -> bool:
 
 
 def open_review(
-    folder: RunFolder, web: bool = False, progress: Callable[[float], None] | None = None, at_s: float | None = None
+    folder: RunFolder,
+    web: bool = False,
+    progress: Callable[[float], None] | None = None,
+    at_s: float | None = None,
+    say: Callable[[str], object] = str,
 ) -> int:
     """Open the viewer and wait until it is closed; with `web` serve it to a browser on this machine.
 
-    at_s: where the native viewer stands then, s since the first tick.
+    at_s: where the native viewer stands then, s since the first tick. say: told where to look, and how it ends.
     Returns the viewer's exit code. Raises ConfigurationError when the viewer is not installed or there is no screen.
     """
     require_screen(web)
-    port = free_port()
-    with subprocess.Popen(
-        viewer_command(review_paths(folder, progress), web, port), env=viewer_environment()
-    ) as viewer:
+    port, web_port = free_port(), free_port() if web else None
+    command = viewer_command(review_paths(folder, progress), port, web_port)
+    with subprocess.Popen(command, env={"RUST_LOG": "error", **viewer_environment()}) as viewer:
+        say(f"{folder.path} is shown{'' if web_port is None else f' at {page_url(port, web_port)}'}; Ctrl-C ends")
         if at_s is not None:
             from rerun.experimental import ViewerClient
 
@@ -83,13 +87,21 @@ def require_screen(web: bool) -> None:
         raise ConfigurationError(NO_SCREEN)
 
 
-def viewer_command(rrds: Sequence[Path], web: bool, port: int) -> list[str]:
-    """The viewer's command line: every port that it opens is one of the loopback. Raises ConfigurationError."""
+def page_url(port: int, web_port: int) -> str:
+    """Where the viewer's own web server shows what it gets at `port`."""
+    return f"http://{LOOPBACK}:{web_port}?url=rerun%2Bhttp%3A%2F%2F{LOOPBACK}%3A{port}%2Fproxy"
+
+
+def viewer_command(rrds: Sequence[Path], port: int, web_port: int | None = None) -> list[str]:
+    """The viewer's command line: every port that it opens is one of the loopback. Raises ConfigurationError.
+
+    web_port: where a browser finds it; None for a window.
+    """
     for path in rrds:
         if os.fsencode(path) != str(path).encode(errors="replace"):
             raise ConfigurationError(f"{path}: the viewer takes only paths in UTF-8; give the run another name")
     command = [viewer_path(), *map(str, rrds), "--bind", LOOPBACK, "--port", str(port)]
-    return [*command, "--web-viewer", "--web-viewer-port", str(free_port())] if web else command
+    return command if web_port is None else [*command, "--web-viewer", "--web-viewer-port", str(web_port)]
 
 
 def screenshot(

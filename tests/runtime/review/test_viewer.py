@@ -92,7 +92,7 @@ def test_every_view_is_there_and_reports_no_error(run: RunFolder) -> None:
 @pytest.mark.browser
 def test_the_viewer_in_the_browser_listens_on_the_loopback_only(run: RunFolder) -> None:
     environment = {**viewer_environment(), "BROWSER": "true"}  # a browser that does nothing
-    viewer = subprocess.Popen(viewer_command(review_paths(run), True, free_port()), env=environment)
+    viewer = subprocess.Popen(viewer_command(review_paths(run), free_port(), free_port()), env=environment)
     try:
         assert until(lambda: len(listening_addresses(viewer.pid)) >= 2)
         assert set(listening_addresses(viewer.pid)) == {"0100007F"}
@@ -139,15 +139,15 @@ def test_what_a_newer_rerun_has_drawn_is_drawn_again_by_this_one(run: RunFolder)
 
 def test_a_path_that_is_not_utf_8_is_one_sentence_before_the_viewer_ends_over_it() -> None:
     pytest.importorskip("rerun", reason="rerun is not installed")
-    viewer_command([Path("köln/review.rrd")], False, 9876)
+    viewer_command([Path("köln/review.rrd")], 9876)
     with pytest.raises(ConfigurationError, match="only paths in UTF-8"):
-        viewer_command([Path(os.fsdecode(b"b\xe4d/review.rrd"))], False, 9876)
+        viewer_command([Path(os.fsdecode(b"b\xe4d/review.rrd"))], 9876)
 
 
 def test_no_viewer_is_one_sentence(run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("runtime.review.viewer.find_spec", lambda name: None)
     with pytest.raises(ConfigurationError, match="install the package rerun-sdk"):
-        viewer_command(review_paths(run), False, 9876)
+        viewer_command(review_paths(run), 9876)
 
 
 def test_no_screen_is_one_sentence_that_says_what_works_without(
@@ -160,6 +160,15 @@ def test_no_screen_is_one_sentence_that_says_what_works_without(
     require_screen(web=True)
     monkeypatch.setenv("DISPLAY", ":0")
     require_screen(web=False)
+
+
+def test_a_person_is_told_where_the_browser_has_to_look(run: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("runtime.review.viewer.viewer_path", lambda: "true")
+    told: list[str] = []
+    assert open_review(run, web=True, say=told.append) == 0
+    assert [re.sub(r"\d{4,}", "PORT", line) for line in told] == [
+        f"{run.path} is shown at http://127.0.0.1:PORT?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3APORT%2Fproxy; Ctrl-C ends"
+    ]
 
 
 @pytest.mark.browser
