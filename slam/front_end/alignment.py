@@ -14,7 +14,7 @@ from drivers.measurements import FloatArray, IntArray, Scan, ScanLike
 from slam.arithmetic.functions import cosine_sine
 from slam.arithmetic.small_matrices import inverse, squared_distance
 from slam.front_end.alignment_kernels import EarlierScans, surface_normals
-from slam.front_end.alignment_search import GATE_LAST_M, Search
+from slam.front_end.alignment_search import GATE_LAST_M, Search, same_directions
 from slam.front_end.deskew import Beams, Twist, deskew, sharp_to_m
 from slam.front_end.differencing import LEAST_SUPPORT, OLDEST_S
 from slam.front_end.wide_search import Found, View, WideSearch
@@ -33,6 +33,7 @@ LEAST_SHARE = 0.3  # nor with a smaller share of the points that came back
 NEED_M = 0.15  # half the width of a door post: what the wheels may be off by before features are matched wrongly
 NEED_AMONG_WALLS_M = 0.1  # the same where a scan shows surfaces, onto which it can be laid more exactly than that
 LAID_ALONE_M, WALLS_ALONE_M = 0.1, 0.27  # above the latter, a landmark's gate of 3.7 sigma reaches the next door frame
+USUALLY, WALLS_GAIN = 0.5, 0.1  # of the last ten scans have shown walls
 WALLS_SHARE = 0.8  # of the returns of a scan that lie on surfaces there: trees have half of them
 UNUSUAL_SHARE = 0.15  # so many points fewer than usual on surfaces of the scan before say that the wheels are wrong
 FIRST_USUAL_SHARE, USUAL_GAIN = 0.9, 0.05
@@ -82,7 +83,7 @@ class Alignment:
         self.refined = self.found_widely = 0
         self.laid: Beams | None = None
         self.is_disputed = self.is_due = self._could_be_laid = False
-        self._since_laid = np.zeros((3, 3))
+        self._since_laid, self._usual_walls = np.zeros((3, 3)), 0.0
 
     @property
     def alone_m(self) -> float:
@@ -102,6 +103,7 @@ class Alignment:
         now = SeenFrom(scan, Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps), Pose2())
         if self._past:
             sees_walls = self._is_among_walls()
+            self._usual_walls += WALLS_GAIN * (sees_walls - self._usual_walls)
             if not increment.at_rest and (self._sparse(scan.stamp_ns) or self._is_needed(increment, sees_walls)):
                 increment = self._aligned(now, increment)
             elif sees_walls:
@@ -112,6 +114,8 @@ class Alignment:
                 is_off = _off_m(self._since_laid) > NEED_AMONG_WALLS_M and not self.is_disputed
                 self.is_due = self.laid is None and is_off and len(self._returned(now)) > 0
                 self.laid = self._beams(now) if self.is_due else self.laid
+            else:  # nothing has to be laid, and a building is not left in one scan
+                self._could_be_laid = self._usual_walls > USUALLY
             if self.laid is not None:
                 self._since_laid[:] = 0.0
         self._path_from_body = now.path_from_body = self._path_from_body @ increment.as_pose()
@@ -290,9 +294,3 @@ class Alignment:
 def _off_m(covariance: FloatArray) -> float:
     variances = np.diag(covariance)
     return math.sqrt(variances[0] + variances[1]) + NEED_RANGE_M * math.sqrt(variances[2])
-
-
-def same_directions(first: Scan, second: Scan) -> bool:
-    """Whether the beams of two scans point the same ways in their laser's frame."""
-    one, other = first.bearings_rad, second.bearings_rad
-    return one.size == other.size and bool(one[0] == other[0]) and bool(one[-1] == other[-1])

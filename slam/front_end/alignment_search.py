@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.measurements import FloatArray
+from drivers.measurements import FloatArray, Scan
 from slam.arithmetic.elementary import exponential, logarithm
 from slam.arithmetic.small_matrices import eigen, inner, inverse
 from slam.front_end.alignment_kernels import EarlierScans, Prior, descend, normal_equations
@@ -104,6 +104,12 @@ class Search:
         posterior = np.empty((3, 3))
         count, cost = descend(self.points_m, stride, self.past, prior, gates_m, motion, posterior)
         return posterior, count, cost
+
+
+def same_directions(first: Scan, second: Scan) -> bool:
+    """Whether the beams of two scans point the same ways in their laser's frame."""
+    one, other = first.bearings_rad, second.bearings_rad
+    return one.size == other.size and bool(one[0] == other[0]) and bool(one[-1] == other[-1])
 
 
 def _least_known(information: FloatArray) -> FloatArray:

@@ -78,14 +78,15 @@ def associate_with_slip(
 
 
 def undecided(joint: JointArrays, places: IntArray, alone_m: float, features: FeatureRows, gates: Gates) -> BoolArray:
-    """(k,) which landmarks at places (k,) may be matched only with others, but have a feature where they may be: where
-    they are not found, they are not missed either.
+    """(k,) which landmarks at places (k,) may be matched only with others, but have a feature where they may be, or may
+    not be matched at all: where they are not found, they are not missed either.
     """
     if not math.isfinite(alone_m):
         return np.zeros(len(places), dtype=np.bool_)
-    unsure: BoolArray = expected_within(joint, places) > WIDE_M
+    sigma_m = expected_within(joint, places)
+    unsure: BoolArray = sigma_m > WIDE_M
     unsure[unsure] = lie_near(joint, places[unsure], features, gates.match_widest)
-    return unsure
+    return unsure | (sigma_m > APART_M)
 
 
 def _alone(

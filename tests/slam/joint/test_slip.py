@@ -163,3 +163,18 @@ def test_a_landmark_that_may_be_the_feature_beside_it_is_not_missed() -> None:
         joint.observe(features, hints, OPEN, Confidence(joint.scans - SETTLED_SCANS), alone_m=0.1)
         missed.append(joint.evidence.missed)
     assert missed[1] == missed[0] + 1
+
+
+def test_a_landmark_that_may_not_be_matched_is_not_missed() -> None:
+    """After a lap of corridors the pose was right, known to a metre, and called lost: what may be a metre off is not
+    matched, whatever is seen, and all of it was counted as missed.
+    """
+    missed = []
+    for sigma_m in (0.05, 0.6):
+        joint = with_old_posts()
+        joint.predict(np.zeros(3), np.diag((sigma_m**2, sigma_m**2, 0.001**2)))
+        unknown = np.zeros(0, dtype=np.int64)
+        joint.observe(seen(POSTS_M[:0]), unknown, OPEN, Confidence(joint.scans - SETTLED_SCANS), alone_m=0.27)
+        missed.append(joint.evidence.missed)
+    assert missed[0] > 0
+    assert missed[1] == 0
