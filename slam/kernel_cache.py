@@ -5,6 +5,7 @@ versions runs old machine code. And its index files are pickles: whoever can wri
 """
 
 import atexit
+import contextlib
 import grp
 import hashlib
 import os
@@ -17,6 +18,7 @@ from pathlib import Path
 
 SOURCES = Path(__file__).parent
 VARIABLE = "NUMBA_CACHE_DIR"
+UNUSED_S = 30 * 24 * 3600.0  # after which nobody is thought to come back to a version
 
 
 def use_compile_cache(environment: MutableMapping[str, str]) -> Path:
@@ -34,6 +36,8 @@ def use_compile_cache(environment: MutableMapping[str, str]) -> Path:
         folder = Path(tempfile.mkdtemp(prefix="infant-kernels-"))
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
     environment[VARIABLE] = str(folder)
+    with contextlib.suppress(OSError):
+        os.utime(folder)  # in use
     return folder
 
 
@@ -43,10 +47,13 @@ def is_kept(folder: Path) -> bool:
 
 
 def forget_other_versions(folder: Path) -> None:
-    """Remove what was compiled from other sources; called when the kernels of these have just been compiled."""
+    """Remove what was compiled from other sources and was not used for a month before this folder was: other checkouts
+    of the same user have theirs beside it.
+    """
     if folder.name == sources_hash() and is_kept(folder):
+        used_s = folder.stat().st_mtime
         for other in folder.parent.iterdir():
-            if other != folder:
+            if used_s - other.lstat().st_mtime > UNUSED_S:
                 shutil.rmtree(other, ignore_errors=True)
 
 

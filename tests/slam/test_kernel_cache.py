@@ -29,6 +29,12 @@ def test_a_home_that_cannot_be_written_is_no_obstacle() -> None:
     assert "/proc" not in str(folder)
 
 
+def test_a_version_that_is_used_is_not_old(tmp_path: Path) -> None:
+    folder = use_compile_cache({"XDG_CACHE_HOME": str(tmp_path)})
+    os.utime(folder, (1e9, 1e9))
+    assert use_compile_cache({"XDG_CACHE_HOME": str(tmp_path)}).stat().st_mtime > 1e9
+
+
 def test_a_changed_source_gets_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernel_cache, "SOURCES", tmp_path)
     (tmp_path / "kernels.py").write_text("a = 1\n")
@@ -98,11 +104,14 @@ def heading_of(tree: Path) -> float:
     return float(done.stdout)
 
 
-def test_only_other_versions_are_forgotten(tmp_path: Path) -> None:
+def test_only_versions_that_nobody_uses_any_more_are_forgotten(tmp_path: Path) -> None:
     kept = use_compile_cache({"XDG_CACHE_HOME": str(tmp_path)})
-    (kept.parent / "older").mkdir()
-    (kept.parent / "older" / "x.nbi").touch()
+    for name, days in (("of-another-checkout", 20), ("older", 31)):
+        (kept.parent / name).mkdir()
+        (kept.parent / name / "x.nbi").touch()
+        used_s = kept.stat().st_mtime - days * 86400.0
+        os.utime(kept.parent / name, (used_s, used_s))
     forget_other_versions(kept)
-    assert [path.name for path in kept.parent.iterdir()] == [sources_hash()]
+    assert {path.name for path in kept.parent.iterdir()} == {sources_hash(), "of-another-checkout"}
     forget_other_versions(tmp_path)  # not a folder of ours
     assert kept.is_dir()
