@@ -228,17 +228,18 @@ def status(
     from runtime.errors import SensorError
     from runtime.publish import status as rovers
 
-    def refused(sentence: str) -> None:
-        say(f"infant: an answer was ignored: {sentence}", err=True)
-
+    ignored: list[str] = []
     endpoints = tuple(connect or rovers.ENDPOINTS)
     file = None if zenoh_file is None else str(zenoh_file)
     if watch:
-        answers = rovers.watch_status(endpoints, 1.0, file, refused)
+        answers = rovers.watch_status(endpoints, 1.0, file, ignored.append)
     else:
-        answers = iter([rovers.fetch_status(endpoints, config_file=file, refused=refused)])
+        answers = iter([rovers.fetch_status(endpoints, config_file=file, refused=ignored.append)])
     is_waiting = False
     for statuses in answers:
+        for line in rovers.ignored_lines(ignored):
+            say(line, err=True)
+        ignored.clear()
         if watch and not statuses and not is_waiting:
             say(f"infant: {rovers.silence_sentence(endpoints)}; waiting until one does", err=True)
         is_waiting = not statuses
@@ -246,7 +247,7 @@ def status(
         if as_json:
             say_json({"rovers": statuses}, error)
         elif statuses:
-            lines = map(rovers.status_line, statuses) if watch else rovers.status_table(statuses)
+            lines = rovers.status_lines(statuses) if watch else rovers.status_table(statuses)
             say_states(*lines)
         if error is not None:
             raise error

@@ -26,6 +26,7 @@ ENDPOINTS = tuple(f"tcp/127.0.0.1:{port}" for port in range(7447, 7453))
 ASK_S = 1.0
 LONGEST_HOST, LONGEST_NAME = 64, 32
 MOST_ANSWERS = 1000  # at one endpoint
+MOST_SHOWN = 40  # rovers, and answers that are none: anyone may answer under a thousand names
 STATUS_KEY = "infant/*/status"
 EVERY_ANSWER = zenoh.ConsolidationMode.NONE  # else one of two rovers of the same name would be left out
 
@@ -73,6 +74,18 @@ def watch_status(
         time.sleep(period_s)
 
 
+def status_lines(statuses: Sequence[Status]) -> list[str]:
+    """A line for each of so many rovers as are shown, and how many more there are."""
+    return [*map(status_line, statuses[:MOST_SHOWN]), *_more(statuses)]
+
+
+def ignored_lines(sentences: Sequence[str]) -> list[str]:
+    """Why so many answers as are shown were ignored, and how many more were."""
+    lines = [f"infant: an answer was ignored: {sentence}" for sentence in sentences[:MOST_SHOWN]]
+    more = len(sentences) - len(lines)
+    return [*lines, f"infant: {more} more answers were ignored"] if more else lines
+
+
 def status_line(status: Mapping[str, Any]) -> str:
     """One rover in one line; before its first tick it has no pose."""
     words = [f"{status['rover']}  {status['state'] or status['quality']}"]
@@ -100,7 +113,10 @@ def map_words(place: Mapping[str, Any]) -> str:
 
 
 def status_table(statuses: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Several rovers as lines with a head, the columns as wide as what is in them; then their sensors, a line each."""
+    """Several rovers as lines with a head, the columns as wide as what is in them; then their sensors, a line each, and
+    how many more rovers there are than are shown.
+    """
+    statuses, more = statuses[:MOST_SHOWN], _more(statuses)
     head = (
         "rover",
         "host",
@@ -120,15 +136,19 @@ def status_table(statuses: Sequence[Mapping[str, Any]]) -> list[str]:
     widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     maps = [f"{status['rover']}  {map_words(status['map'])}" for status in statuses if status.get("map") is not None]
-    return (
-        lines + maps + [f"{status['rover']}  {line}" for status in statuses for line in sensor_lines(status["sensors"])]
-    )
+    sensors = [f"{status['rover']}  {line}" for status in statuses for line in sensor_lines(status["sensors"])]
+    return [*lines, *maps, *sensors, *more]
 
 
 def silence_sentence(connect: Sequence[str] = ENDPOINTS) -> str:
     """What to say when no rover answers."""
     where = ", ".join(connect)
     return f"no rover answers at {where}; start one with infant run, and check that publish.listen names one of these"
+
+
+def _more(statuses: Sequence[Mapping[str, Any]]) -> list[str]:
+    more = len(statuses) - MOST_SHOWN
+    return [f"... and {more} more rovers; --json shows all"] if more > 0 else []
 
 
 def _row(status: Mapping[str, Any]) -> tuple[str, ...]:

@@ -12,7 +12,16 @@ from runtime.health import Health, PlaceInMap, RunState
 from runtime.messages.map_json import json_bytes
 from runtime.publish.messages import status_object
 from runtime.publish.rover_status import believed
-from runtime.publish.status import fetch_status, silence_sentence, status_line, status_table, watch_status
+from runtime.publish.status import (
+    MOST_SHOWN,
+    fetch_status,
+    ignored_lines,
+    silence_sentence,
+    status_line,
+    status_lines,
+    status_table,
+    watch_status,
+)
 from runtime.tick import CompletedTick
 from slam.estimate import Quality, Recognition
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing
@@ -103,6 +112,17 @@ def test_a_table_has_a_row_per_rover_and_even_columns() -> None:
     lines = status_table([made_status("r1"), made_status("a-long-name")])
     assert len({line.index("degraded") for line in lines[1:3]} | {lines[0].index("state")}) == 1
     assert lines[3:] == ["r1  laser     stale at 0.00 Hz", "a-long-name  laser     stale at 0.00 Hz"]
+
+
+def test_however_many_names_are_forged_a_screen_of_them_is_shown_and_the_others_are_counted() -> None:
+    one = made_status("r1")
+    forged = [{**one, "rover": f"r{number:04d}"} for number in range(MOST_SHOWN + 960)]
+    table, lines = status_table(forged), status_lines(forged)
+    assert lines[-1] == table[-1] == "... and 960 more rovers; --json shows all"
+    assert (len(table), len(lines)) == (1 + 2 * MOST_SHOWN + 1, MOST_SHOWN + 1)
+    assert len(status_lines(forged[:MOST_SHOWN])) == MOST_SHOWN
+    assert ignored_lines(["no status"] * 1000)[-1] == f"infant: {1000 - MOST_SHOWN} more answers were ignored"
+    assert ignored_lines(["no status"]) == ["infant: an answer was ignored: no status"]
 
 
 def test_a_status_names_the_map_and_the_last_recognition() -> None:
