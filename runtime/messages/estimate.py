@@ -41,6 +41,11 @@ def encode_estimate(estimate: Estimate) -> Record:
 def decode_estimate(data: bytes) -> Estimate:
     """Back again; arrays that were float32 on disk are float64 of the same value."""
     message = decode("/estimate", data)
+    with np.errstate(invalid="ignore"):  # a signalling NaN warns when it is made wider
+        return _estimate(message)
+
+
+def _estimate(message: Any) -> Estimate:
     return Estimate(
         stamp_ns=message.stamp_ns,
         map_from_body=Pose2(*message.map_from_body.tolist()),

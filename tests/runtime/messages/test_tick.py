@@ -2,6 +2,7 @@
 
 import dataclasses
 import time
+import warnings
 from typing import Any
 
 import numpy as np
@@ -161,6 +162,19 @@ def test_what_a_reviewer_sees_comes_back_as_float32() -> None:
         np.testing.assert_allclose(getattr(landmarks, name), getattr(estimate.landmarks, name), rtol=1e-6)
     for name in ("particles", "particle_weights", "matches", "beam_verdicts"):
         np.testing.assert_allclose(getattr(again, name), getattr(estimate, name), rtol=1e-6)
+
+
+def test_an_estimate_with_numbers_that_are_none_is_decoded_without_a_warning() -> None:
+    """A signalling NaN in the bytes of a foreign record warned when it was made wider."""
+    signalling: Any = np.array((0x7F800001,) * 3, np.uint32).view(np.float32)
+    estimate = make_estimate(1, np.random.default_rng(4))
+    data = encode_estimate(dataclasses.replace(estimate, particles=signalling[None])).data
+    assert signalling.tobytes() in data
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        particles = decode_estimate(data).particles
+    assert particles is not None
+    assert np.isnan(particles).all()
 
 
 def test_an_estimate_without_a_scan_has_none_of_the_scan() -> None:

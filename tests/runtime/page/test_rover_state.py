@@ -2,6 +2,7 @@
 
 import json
 import math
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -41,6 +42,20 @@ def test_any_quaternion_is_drawn_or_passed_over(value: float) -> None:
     state = RoverState("r1")
     state.take(Message("pose", pose_with(value)))
     assert json.dumps(state.beat(True), allow_nan=False)
+
+
+@pytest.mark.parametrize("bits", [0x7F800001, 0xFF800001, 0x7F800000])
+def test_ranges_that_are_no_numbers_are_passed_over_without_a_warning(bits: int) -> None:
+    """A signalling NaN, which no laser has, warned in the journal of the page when it was made wider."""
+    state = RoverState("r1")
+    state.take(Message("pose", pose_bytes(1, make_estimate(1, np.random.default_rng(0)))))
+    ranges_m = np.array((bits, bits), np.uint32).view(np.float32)
+    scan = Scan(1, ranges_m, uniform_bearings(0.0, 0.1, 2), 0.0, range_max_m=30.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        state.take(Message("scan_full", scan_bytes(scan, 0, Vehicle())))
+    assert json.dumps(state.beat(True), allow_nan=False)
+    assert state.beat(True)["scan"] == []
 
 
 def test_who_walks_by_leaves_no_cells_and_what_stands_still_does() -> None:
