@@ -9,11 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from runtime.errors import UsageError
 from runtime.fault_isolation import defects_line, step_or_predict
 from runtime.importers.mount import mount_of_import
+from runtime.live.timekeeping import Durations
 from runtime.map_files.start import AS_RECORDED, BeginIn, RunStart, for_estimator
 from runtime.messages.estimate import encode_estimate
 from runtime.messages.records import outcome_records
@@ -60,7 +59,7 @@ class ReplayResult:
     last_stamp_ns: int = 0
     elapsed_s: float = 0.0
     landmarks: int = 0
-    steps_ns: list[int] = field(default_factory=list)
+    steps: Durations = field(default_factory=Durations)
     defects: int = 0
     defect: str = ""
 
@@ -105,7 +104,8 @@ def replay(
         for recorded in reader.ticks():
             step_began_ns = time.perf_counter_ns()
             estimate, events = step_or_predict(estimator, recorded.tick)
-            result.steps_ns.append(time.perf_counter_ns() - step_began_ns)
+            step_ns = time.perf_counter_ns() - step_began_ns
+            result.steps.add(step_ns)
             state_hash = estimator.state_hash()
             defect = "; ".join(event.reason for event in events)
             result.defects, result.defect = result.defects + bool(events), result.defect or defect
@@ -114,7 +114,7 @@ def replay(
             if verify and result.other_processor:
                 result.deviation.note(recorded, estimate)
             if writer is not None:
-                writer.add(_records(recorded, estimate, result.steps_ns[-1], state_hash, defect))
+                writer.add(_records(recorded, estimate, step_ns, state_hash, defect))
             _note(result, recorded, estimate)
             if progress is not None and result.ticks % TICKS_A_REPORT == 0:
                 progress(reader.read_fraction)
@@ -172,7 +172,6 @@ def summarise_replay(
     result: ReplayResult, run: str, folder: RunFolder | None, configuration_sha256: str
 ) -> dict[str, Any]:
     """The result as --json prints it."""
-    steps_ms = np.array(result.steps_ns or [0]) * 1e-6
     return {
         "run": run,
         "out": None if folder is None else str(folder.path),
@@ -191,11 +190,7 @@ def summarise_replay(
         "recording_s": round(result.recording_s, 3),
         "elapsed_s": round(result.elapsed_s, 3),
         "times_real_time": round(result.recording_s / result.elapsed_s, 1) if result.elapsed_s > 0 else None,
-        "step_ms": {
-            "p50": round(float(np.percentile(steps_ms, 50)), 3),
-            "p99": round(float(np.percentile(steps_ms, 99)), 3),
-            "max": round(float(steps_ms.max()), 3),
-        },
+        "step_ms": result.steps.spread(),
         "landmarks": result.landmarks,
         "configuration_sha256": configuration_sha256,
     }

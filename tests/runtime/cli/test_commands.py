@@ -94,6 +94,10 @@ def test_another_configuration_replays_into_a_folder_of_its_own(
     text = (tmp_path / "other" / "config.toml").read_text()
     assert "particles = 20" in text
     assert "difference = false" in text
+    page = json.loads(infant("review", tmp_path / "other", "--json").stdout)
+    replayed = json.loads(result.stdout)
+    assert page["timing"]["stages_ms"]["step"] == replayed["step_ms"]
+    assert (page["timing"]["ticks"], page["landmarks"]["at_end"]) == (replayed["ticks"], replayed["landmarks"])
     again = infant("replay", tmp_path / "other", "--verify", "--json")
     assert json.loads(again.stdout)["identical"] is True
 

@@ -150,10 +150,12 @@ def test_progress_ends_at_one_and_never_falls(tmp_path: Path) -> None:
 
 
 def test_the_summary_tells_it_all() -> None:
-    result = ReplayResult(10, 5, 10, last_stamp_ns=2_000_000_000, elapsed_s=0.5, steps_ns=[1_000_000])
+    result = ReplayResult(10, 5, 10, last_stamp_ns=2_000_000_000, elapsed_s=0.5)
+    result.steps.add(1_000_000)
     summary = summarise_replay(result, "runs/x", None, "abc")
     assert summary["identical"] is True
     assert summary["times_real_time"] == 4.0
+    assert summary["step_ms"] == {"p50": 1.0, "p99": 1.0, "max": 1.0}
     assert any("identical" in line for line in replay_lines(summary))
     result.difference = "tick 3: covariance[0, 0] is 1.0, recorded 2.0"
     assert any("DIFFERS: tick 3" in line for line in replay_lines(summarise_replay(result, "runs/x", None, "abc")))
