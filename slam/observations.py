@@ -8,7 +8,6 @@ import numpy as np
 
 from drivers.measurements import BoolArray, FloatArray, IntArray, VerdictArray
 from slam.arithmetic.elementary import squared
-from slam.arithmetic.functions import cosines_sines
 from slam.pose import wrap_rads
 
 MOST_FEATURES = 64  # of a scan are matched, the most exact ones; real scans have 50 at most, and 256 took 200 ms
@@ -109,6 +108,10 @@ def usable_rows(features: Features, range_max_m: float, mount_yaw_rad: float) ->
 
     mount_yaw_rad: heading of the laser on the body.
     """
+    from slam.arithmetic.functions import (
+        cosines_sines,  # brings the compiler, which who only reads features does not need
+    )
+
     c = features.covariances
     with np.errstate(invalid="ignore"):
         determinants = c[:, 0, 0] * c[:, 1, 1] - c[:, 0, 1] * c[:, 1, 0]

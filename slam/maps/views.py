@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import FloatArray
-from slam.arithmetic.functions import composed
 from slam.pose import Pose2
 
 BEAMS = 120  # of a scan are kept
@@ -46,7 +45,8 @@ class Views:
 
     def turned(self, new_from_old: Pose2) -> "Views":
         """The same in another map."""
-        return Views(composed(new_from_old.as_array()[None], self.poses), self.points_cm)
+        points_m, headings = new_from_old.transform(self.poses[:, :2]), new_from_old.heading_rad + self.poses[:, 2]
+        return Views(np.column_stack((points_m, headings)), self.points_cm)
 
 
 NO_VIEWS = Views(np.zeros((0, 3)), np.zeros((0, BEAMS, 2), dtype=np.int16))
