@@ -88,11 +88,11 @@ def evaluation_lines(figures: dict[str, Any]) -> list[str]:
         lines.append(defects_line(figures["defects"], figures["poses"], figures["defect"]))
     if figures["searched"]:
         lines.append(
-            f"left out  {figures['searched']} poses before its place in the saved map was known: they are in another "
+            f"left out  {figures['searched']} poses before the place in the saved map was known: they are in another "
             "frame"
         )
     if figures["n_known"] is not None:
-        lines.append(f"used      {figures['n']} of {figures['n_known']} places")
+        lines.append(f"used      {figures['n']} of {figures['n_known']} positions of the truth")
     if figures["rms_m"] is not None:
         lines.append(
             f"position  RMS {figures['rms_m']:.3f} m, 95 %-trimmed {figures['trimmed_rms_m']:.3f} m, largest "

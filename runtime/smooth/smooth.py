@@ -103,14 +103,14 @@ def smooth_lines(summary: dict[str, Any]) -> list[str]:
     lines = [
         f"smoothed  {summary['scans']} scans, {summary['landmarks']} landmarks, {summary['sightings']} sightings",
         f"noise     ranges {noise['ranges']:.2f}, bearings {noise['bearings']:.2f}, motions {noise['motions']:.2f} "
-        "times the configured",
-        f"refuted   {summary['refuted']} sightings, {len(summary['wrong_matches'])} wrong matches; "
-        f"{len(summary['doubled'])} pairs of landmarks that are one object",
+        "times what is configured",
+        f"rejected  {summary['refuted']} sightings, {len(summary['wrong_matches'])} wrong matches; "
+        f"{len(summary['doubled'])} pairs of landmarks are probably one object each",
     ]
     if summary["apart_rms_m"] is not None:
         lines.append(
             f"filter    {summary['apart_rms_m']:.3f} m RMS from the smoothed path after the best fit; "
-            f"more than three sigma at {len(summary['partings'])} times"
+            f"{len(summary['partings'])} times more than three sigma apart"
         )
     if summary["truncated"]:
         lines.append(f"note      {summary['truncated']}")

@@ -184,7 +184,7 @@ def _rate(facts: RunFacts) -> list[Finding]:
                     "every sweep arrived; when two came within one beat, the loop used the newer one",
                 ),
                 "the host or the network was busy and held scans up",
-                "let nothing else use the rover's processor, and connect the laser by its own cable",
+                "run less other work on the host, and connect the laser by its own cable",
                 intervals,
             )
         ]
