@@ -60,7 +60,8 @@ def explained(key: str) -> list[KeyFacts]:
     ]
     if found:
         return found
-    names = sorted({each.key for each in known})
+    tables = {each.key.rpartition(".")[0] for each in known if "." in each.key}
+    names = sorted({each.key for each in known} | tables)
     same_end = [name for name in names if name.rpartition(".")[2] == wanted.rpartition(".")[2]]
     close = same_end or difflib.get_close_matches(wanted, names, n=3)
     hint = f"did you mean {' or '.join(close[:3])}?" if close else "see infant config --defaults"

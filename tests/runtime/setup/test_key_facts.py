@@ -19,6 +19,11 @@ def test_every_key_is_listed_with_a_default_that_a_file_may_have() -> None:
     load_configuration_text("\n".join(lines))
 
 
+def test_the_last_word_of_a_table_is_enough_to_be_led_to_it() -> None:
+    with pytest.raises(UsageError, match=r"--explain mount: no such key; did you mean slam\.mount\?"):
+        explained("mount")
+
+
 def test_a_key_is_explained_with_its_bounds_and_a_table_with_all_of_its_keys() -> None:
     (fact,) = explained("slam.mount.x_m")
     assert (fact.default, fact.values) == (0.0, "at least -20, at most 20")
