@@ -1,12 +1,12 @@
-"""Angles in compiled code: wrapping, and a short series where sigma points lie close together.
+"""Angles in compiled code: wrapping, and short series where sigma points lie close together.
 
-A whole arctangent takes longer than all else that is done with a sigma point; the series is exact to 1e-13 rad in the
-range it is used in.
+A whole arctangent takes longer than all else that is done with a sigma point; the series are exact to 1e-13 rad in the
+range they are used in.
 """
 
 import math
 
-from slam.arithmetic.functions import arctangent
+from slam.arithmetic.functions import arctangent, cosine_sine
 from slam.compiled import leaf
 
 SERIES_LIMIT = 0.15
@@ -58,3 +58,14 @@ def angle_between(x_0: float, y_0: float, x: float, y: float) -> float:
         tail = 1.0 / 7.0 - s * (1.0 / 9.0 - s * (1.0 / 11.0 - s / 13.0))
         return t * (1.0 - s * (1.0 / 3.0 - s * (0.2 - s * tail)))
     return arctangent(across, along)
+
+
+@leaf
+def cosine_sine_of_step(angle: float) -> tuple[float, float]:
+    """Cosine and sine of an angle that is small as a rule."""
+    if abs(angle) < SERIES_LIMIT:
+        s = angle * angle
+        cosine = 1.0 - s * (0.5 - s * (1.0 / 24.0 - s * (1.0 / 720.0 - s / 40320.0)))
+        sine = angle * (1.0 - s * (1.0 / 6.0 - s * (1.0 / 120.0 - s * (1.0 / 5040.0 - s / 362880.0))))
+        return cosine, sine
+    return cosine_sine(angle)

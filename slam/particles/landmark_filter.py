@@ -3,7 +3,7 @@
 import math
 
 from drivers.measurements import FloatArray
-from slam.angles import angle_between, wrapped
+from slam.angles import angle_between, cosine_sine_of_step, wrapped
 from slam.arithmetic.functions import arctangent, cosine_sine
 from slam.compiled import leaf
 from slam.observations import Sighting
@@ -98,7 +98,7 @@ def new_landmark(
         sign = weights.scale if column < 2 else -weights.scale
         step_r = sign * first_r if column % 2 == 0 else 0.0
         step_b = sign * (first_b if column % 2 == 0 else second_b)
-        turn_cosine, turn_sine = cosine_sine(step_b)
+        turn_cosine, turn_sine = cosine_sine_of_step(step_b)
         x = (distance + step_r) * (cosine * turn_cosine - sine * turn_sine) - distance * cosine
         y = (distance + step_r) * (sine * turn_cosine + cosine * turn_sine) - distance * sine
         sum_x += x

@@ -9,7 +9,7 @@ import math
 from typing import NamedTuple
 
 from drivers.measurements import FloatArray
-from slam.angles import angle_between, half_turn, wrapped
+from slam.angles import angle_between, cosine_sine_of_step, half_turn, wrapped
 from slam.arithmetic.functions import arctangent, cosine_sine, logarithm
 from slam.compiled import inlined, leaf
 from slam.observations import Sighting
@@ -112,7 +112,7 @@ def unscented_moments(
         step_x, step_y = weights.scale * root[0, column], weights.scale * root[1, column]
         step_h = weights.scale * root[2, column]
         # the two points of a column turn by the same angle, one each way: one sine and cosine serves both
-        turn_cosine, turn_sine = cosine_sine(step_h)
+        turn_cosine, turn_sine = cosine_sine_of_step(step_h)
         moved_x, moved_y = cosine * step_x + sine * step_y, cosine * step_y - sine * step_x
         x, y = body_x - moved_x, body_y - moved_y
         x, y = turn_cosine * x + turn_sine * y - mount[0], turn_cosine * y - turn_sine * x - mount[1]

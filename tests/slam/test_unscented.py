@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slam.angles import angle_between, wrapped
-from slam.arithmetic.functions import cosine_sine
+from slam.angles import angle_between, cosine_sine_of_step, wrapped
 from slam.settings.sigma_points import unscented_weights
 from slam.unscented import pose_root_into
 from tests.support.slam.unscented import square_root, unscented_transform
@@ -66,7 +65,7 @@ def test_the_angle_between_two_vectors_is_the_turn_from_one_to_the_other(
 
 @given(st.floats(-0.5, 0.5))
 def test_the_short_series_agree_with_the_library(angle: float) -> None:
-    cosine, sine = cosine_sine(angle)
+    cosine, sine = cosine_sine_of_step(angle)
     assert cosine == pytest.approx(math.cos(angle), abs=1e-14)
     assert sine == pytest.approx(math.sin(angle), abs=1e-14)
 
