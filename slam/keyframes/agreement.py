@@ -21,8 +21,7 @@ class Agreement:
         before, self.said_before = self.said_before, (number, correction)
         if before is None or before[0] == number:
             return False
-        apart = (before[1] @ pose).inverse() @ correction @ pose
-        if math.hypot(apart.x_m, apart.y_m) >= SAME_M or abs(apart.heading_rad) >= SAME_RAD:
+        if not are_alike(before[1] @ pose, correction @ pose):
             return False
         self.said_before = None
         return True
@@ -33,3 +32,9 @@ def correction_of(pose: Pose2, predicted: Pose2, found: Pose2) -> Pose2:
     was predicted.
     """
     return pose @ predicted.inverse() @ found @ pose.inverse()
+
+
+def are_alike(one: Pose2, other: Pose2) -> bool:
+    """Whether two poses are so near each other that they say the same."""
+    apart = one.inverse() @ other
+    return math.hypot(apart.x_m, apart.y_m) < SAME_M and abs(apart.heading_rad) < SAME_RAD

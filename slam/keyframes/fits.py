@@ -9,7 +9,7 @@ from slam.arithmetic.small_matrices import applied, inverse, squared_distance
 from slam.estimate import KeyframeFit
 from slam.front_end.alignment_search import Search
 from slam.joint.gaussian import JointGaussian
-from slam.keyframes.agreement import Agreement, correction_of
+from slam.keyframes.agreement import Agreement, are_alike, correction_of
 from slam.keyframes.keyframe import Keyframe, Laid
 from slam.pose import Pose2
 
@@ -19,7 +19,6 @@ MOUNT_M, MOUNT_RAD = 0.03, 0.01  # what the mount and the sweep may be off by: t
 LEAST_POINTS, LEAST_SHARE = 30, 0.5  # on surfaces of the keyframe
 LARGEST_SQUARE = 50.0  # of a fit that contradicts the filter; farther off it is another place that looks alike
 DOUBTED_M = 2.0  # way on which a fit that contradicts the filter waits for a second one
-INFORMATION_SHARE = 0.3  # of a fit's own claim: neighbouring scans share the errors of the keyframe
 HERE = Pose2()
 
 
@@ -46,12 +45,16 @@ class Fits:
 
     def fit(self, number: int, points_m: FloatArray) -> Laid | None:
         """Lay points (p, 2), body frame, onto a keyframe; None where they do not fit, where the search could end in the
-        wrong place, or where that contradicts what is known, and no other keyframe has said the same.
+        wrong place, or where that contradicts what is known or closes a loop from afar, and no other keyframe has said
+        the same.
         """
         laid = self.lay(number, points_m)
         if laid is None or laid.count < max(LEAST_POINTS, LEAST_SHARE * len(points_m)):
             return None
-        if self.tell(number, laid) or (laid.lies and self._contradicts(number, laid)):
+        closes_from_afar = number < len(self._keyframes) - OLD - 1 and not are_alike(
+            Pose2(*laid.predicted.tolist()), Pose2(*laid.motion.tolist())
+        )
+        if (not closes_from_afar and self.tell(number, laid)) or self._told_by_two(number, laid):
             return laid
         return None
 
@@ -88,38 +91,43 @@ class Fits:
     def ask_again(self, number: int, points_m: FloatArray, off: Pose2) -> bool:
         """Ask another keyframe about the place that one has named; whether the joint Gaussian was told."""
         laid = self.lay(number, points_m, off)
-        return laid is not None and laid.lies and self._contradicts(number, laid)
+        return laid is not None and self._told_by_two(number, laid)
 
     def tell(self, number: int, laid: Laid) -> bool:
         """Condition the joint Gaussian on how a scan lies on a keyframe; False where it contradicts what is known."""
         predicted, covariance = self._joint.from_keyframe(number)
         off, off_search = laid.motion - predicted, laid.motion - laid.predicted
         off[2], off_search[2] = (math.remainder(turn, 2.0 * math.pi) for turn in (off[2], off_search[2]))
-        told = INFORMATION_SHARE * (laid.information - laid.held)
+        told = laid.information - laid.held
         spread = inverse(told + 1e-9 * np.eye(3))
         innovation = covariance + spread
         if not squared_distance(off, innovation) < LARGEST_SQUARE:
             return False
         posterior = inverse(told + inverse(covariance))
-        by_scan = applied(told, off) + INFORMATION_SHARE * applied(laid.held, off_search)
+        by_scan = applied(told, off) + applied(laid.held, off_search)
         self._joint.condition(number, applied(posterior, by_scan), posterior)
         self._latest.append(KeyframeFit(number, predicted + applied(spread, by_scan), told))
         self.fitted += 1
         self.closed += number < len(self._keyframes) - OLD - 1
         return True
 
-    def _contradicts(self, number: int, laid: Laid) -> bool:
-        """A scan lies well on a keyframe, far from where the filter is sure to be; whether the joint Gaussian was told.
+    def _told_by_two(self, number: int, laid: Laid) -> bool:
+        """A scan lies well on a keyframe, far from where the filter expects it; whether the joint Gaussian was told.
 
-        That may be another place that looks alike, or the filter may have matched wrongly. It is believed when another
-        keyframe says the same: as if the rover had slipped by so much, since the map is not what is wrong.
+        That may be another place that looks alike: a corridor does a metre on. It is believed when another keyframe
+        says the same. Where it contradicts what the filter is sure of, the filter has matched wrongly: then it is told
+        as if the rover had slipped by so much, since the map is not what is wrong.
         """
+        if not laid.lies:
+            return False
         pose = self._joint.map_from_body
         predicted = self._joint.from_keyframe(number)[0]
         correction = correction_of(pose, Pose2(*predicted.tolist()), Pose2(*laid.motion.tolist()))
         self._doubted_at = pose
         if not self._doubt.confirms(number, correction, pose):
             return False
+        if self.tell(number, laid):
+            return True
         off = (pose.inverse() @ correction @ pose).as_array()
         slip = np.array((math.hypot(off[0], off[1]), math.hypot(off[0], off[1]), off[2]))
         self._joint.predict(np.zeros(3), np.diag(np.square(slip)))

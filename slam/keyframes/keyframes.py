@@ -20,7 +20,7 @@ from slam.joint.gaussian import JointGaussian
 from slam.joint.keyframe_axis import poses_of
 from slam.joint.state import JointState
 from slam.keyframes.far_loops import FarLoops
-from slam.keyframes.fits import INFORMATION_SHARE, LEAST_POINTS, OLD, WIDEST_M, Fits
+from slam.keyframes.fits import LEAST_POINTS, OLD, WIDEST_M, Fits
 from slam.keyframes.keyframe import Keyframe, Laid
 from slam.maps.views import NO_VIEWS, Views, kept_points
 from slam.pose import Pose2
@@ -151,7 +151,7 @@ class Keyframes:
         off = self._joint.map_from_body.inverse() @ map_from_body
         bodies = [Pose2(*between[number].tolist()) @ off for number in numbers]
         nearest = int(np.argmin([math.hypot(body.x_m, body.y_m) for body in bodies]))
-        information = inverse(covariance) / INFORMATION_SHARE
+        information = inverse(covariance)
         laid = Laid(bodies[nearest].as_array(), bodies[nearest].as_array(), information, np.zeros((3, 3)), 0, 0)
         return self._fits.tell(numbers[nearest], laid)
 
