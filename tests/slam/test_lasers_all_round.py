@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from drivers.measurements import Scan, uniform_bearings
-from drivers.settings.simulated_world import LaserGeometrySettings
 from drivers.simulated.world.places.building import Building, building_settings
 from runtime.studies.places.building_drive import building_ticks
 from runtime.tick import Tick
@@ -44,12 +43,7 @@ def begun_at(scan: Scan, first_rad: float) -> Scan:
 
 
 def ticks_from(first_rad: float) -> Iterator[Tick]:
-    settings = building_settings(1)
-    laser = LaserGeometrySettings(
-        beam_count=BEAMS, steps_per_revolution=BEAMS, first_bearing_rad=-math.pi, range_max_m=12.0, sigma_range_m=0.02
-    )
-    building = Building(settings.model_copy(update={"laser": laser}))
-    for tick in building_ticks(building, 10.0):
+    for tick in building_ticks(Building(building_settings(1, BEAMS)), 10.0):
         if tick.stamp_ns * 1e-9 > UNTIL_S:
             return
         scan = tick.scan

@@ -9,7 +9,13 @@ from drivers.measurements import FloatArray
 from runtime.studies.jobs import Result
 
 OWN, DEFAULTS, AT_REST, SIMULATED = "own file", "defaults", "at rest", "defaults, simulated"
-BUILDINGS = {"building_4hz": 4.0, "building_10hz": 10.0}
+BUILDINGS = {
+    "building_4hz": (4.0, 1081),
+    "building_10hz": (10.0, 1081),
+    "building_360_beams": (10.0, 360),
+    "building_181_beams": (10.0, 181),
+}
+"""The simulated one: scans a second, and beams of the laser."""
 DROPPED = "drop_outs"
 
 Key = tuple[str, str]  # place, and the way in which it was driven

@@ -32,7 +32,6 @@ from runtime.studies.places.recordings import archive_of, recordings, stands_sti
 from runtime.studies.places.targets import asked_rows
 
 LEFT_OUT = 0.05
-BEAMS = 1081
 JOB_SOURCES = (
     "slam",
     "drivers.simulated",
@@ -121,7 +120,8 @@ def figure_rows(outcomes: Outcomes) -> list[Row]:
 def _jobs(study: PlacesStudy, place: str) -> list[tuple[Key, bool, Job]]:
     code = code_hash(*JOB_SOURCES, configurations=True)
     if place in BUILDINGS:
-        common: dict[str, Any] = {"rate_hz": BUILDINGS[place], "beam_count": BEAMS, "slam": {}, "code": code}
+        rate_hz, beams = BUILDINGS[place]
+        common: dict[str, Any] = {"rate_hz": rate_hz, "beam_count": beams, "slam": {}, "code": code}
         common["laps"] = 1.1 * study.length
         return [
             ((place, SIMULATED), False, Job(building_drive, {**common, "seed": seed})) for seed in range(study.seeds)

@@ -14,7 +14,12 @@ from drivers.simulated.world.rover_path import RoverPath
 from drivers.simulated.world.sweep_errors import as_measured
 
 BUILDING_STREAM = 6  # second word of the seed, so that no park shares its numbers
-HOKUYO_STEPS = {1081: 1440, 541: 720}  # beams over 270 degrees, and steps of a full turn
+LASERS: dict[int, dict[str, float]] = {  # by their beams: two Hokuyos, a small lidar that sees all round, a coarse SICK
+    1081: {},
+    541: {"steps_per_revolution": 720},
+    360: {"steps_per_revolution": 360, "first_bearing_rad": -math.pi, "range_max_m": 12.0, "sigma_range_m": 0.02},
+    181: {"steps_per_revolution": 360, "first_bearing_rad": -0.5 * math.pi, "sigma_range_m": 0.02},
+}
 SPEED_MPS = 0.7
 BESIDE_M = (0.45, 0.8)  # people keep this far from the middle of the corridor
 MIRROR_RAD = math.radians(15.0)  # glass sends beams back to the laser that fall on it within this of its normal
@@ -23,12 +28,12 @@ GLASS_LOSES = 0.1  # share of the beams between both that come back from neither
 
 
 def building_settings(seed: int, beam_count: int = 1081, people: int = 8) -> WorldSettings:
-    """Settings of a drive round the ring, with a laser like a Hokuyo of 10 turns a second."""
+    """Settings of a drive round the ring, with the laser of LASERS that has so many beams, at 10 turns a second."""
     half, depth = 0.5 * RING_M[0], RING_M[1]
     drive = DriveSettings(
         corners_m=((half, 0.0), (half, depth), (-half, depth), (-half, 0.0)), corner_m=2.0, speed_mps=SPEED_MPS
     )
-    laser = LaserGeometrySettings(beam_count=beam_count, steps_per_revolution=HOKUYO_STEPS[beam_count])
+    laser = LaserGeometrySettings.model_validate({"beam_count": beam_count, **LASERS[beam_count]})
     return WorldSettings(seed=seed, people=people, drive=drive, laser=laser)
 
 
