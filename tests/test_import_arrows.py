@@ -18,6 +18,7 @@ FORBIDDEN_IN_SLAM = (
     *("time", "threading", "random", "datetime", "socket", "os", "io", "pathlib"),
     *("serial", "can", "zenoh", "rerun"),
 )
+TOP_LEVEL = {".ci", "config", "docs", "drivers", "runtime", "slam", "systemd", "tests"}
 KEEPS_KERNELS = ("slam/compiled.py", "slam/kernel_cache.py")
 """The only files of slam that know of the disk: where compiled kernels are kept, whoever imports slam."""
 NOT_IN_THE_LOOP = ("rerun", "matplotlib", "runtime.review", "runtime.report", "runtime.studies")
@@ -203,6 +204,16 @@ def test_the_packages_come_from_this_checkout() -> None:
 
     for module in (drivers.measurements, runtime.tick, slam.pose):
         assert Path(str(module.__file__)).is_relative_to(ROOT), module.__file__
+
+
+def test_the_folders_at_the_top_are_those_of_the_plan() -> None:
+    """The output of a study, written where it was run, was once committed with its jobs."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("no checkout of git: what belongs to it is not known")
+    tracked = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    assert {path.partition("/")[0] for path in tracked if "/" in path} == TOP_LEVEL
 
 
 def test_files_stay_small() -> None:
