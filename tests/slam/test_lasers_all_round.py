@@ -15,7 +15,9 @@ from slam.angles import beams_after_first, sees_all_round
 from slam.estimator import Estimator
 from slam.front_end.alignment_kernels import nearest_in_scan, surface_normals
 from slam.front_end.deskew import Twist, deskew
+from slam.front_end.differencing import CompensatedVote, PlacedScan
 from slam.front_end.wide_search import compare
+from slam.observations import BeamVerdict
 from slam.pose import Pose2
 from slam.settings.slam import SlamSettings
 from slam.visibility import in_clear_view, is_in_sight, sight_line
@@ -27,11 +29,12 @@ SENSOR = (0.0, 0.0, 0.0)
 TUNING = SlamSettings().tuning()
 
 
-def room(first_rad: float) -> Scan:
+def room(first_rad: float, heading_rad: float = 0.0) -> Scan:
     """Seen from the middle of a room of 8 by 6 metres."""
     bearings_rad = uniform_bearings(first_rad, SPACING_RAD, BEAMS)
+    towards_rad = bearings_rad + heading_rad
     with np.errstate(divide="ignore"):
-        ranges_m = np.minimum(4.0 / np.abs(np.cos(bearings_rad)), 3.0 / np.abs(np.sin(bearings_rad)))
+        ranges_m = np.minimum(4.0 / np.abs(np.cos(towards_rad)), 3.0 / np.abs(np.sin(towards_rad)))
     return Scan(0, ranges_m.astype(np.float32), bearings_rad, range_max_m=12.0)
 
 
@@ -97,6 +100,9 @@ def test_every_point_finds_its_surface(first_rad: float) -> None:
     points_m, pose = beams.points_m, np.array((0.02, -0.03, 0.01))
     same_count, free = compare(points_m, pose, points_m, first_rad, SPACING_RAD)
     assert (same_count, free) == (BEAMS, 0)
+    last_alone = np.full_like(points_m, np.nan)
+    last_alone[-1] = points_m[-1]
+    assert tuple(compare(points_m[:1], np.zeros(3), last_alone, first_rad, SPACING_RAD)) == (1, 0)
 
 
 @pytest.mark.parametrize("first_rad", FIRST_RAD)
@@ -104,6 +110,19 @@ def test_bearings_of_a_moving_laser_do_not_jump_between_beams(first_rad: float) 
     timed = Scan(0, room(first_rad).ranges_m, room(first_rad).bearings_rad, 1e-4, 180, 12.0)
     beams = deskew(timed, Twist(0.5, 0.0, 0.3), Pose2(), 0.1, 12.0)
     assert np.abs(np.diff(beams.bearings_rad)).max() < 3.0 * SPACING_RAD
+
+
+@pytest.mark.parametrize("first_rad", FIRST_RAD)
+@pytest.mark.parametrize("turned_rad", [0.5, -0.5])
+def test_every_beam_of_a_rover_that_turned_is_found_again(first_rad: float, turned_rad: float) -> None:
+    vote, nothing = CompensatedVote(), np.zeros((0, 2))
+    for number in range(5):
+        before = replace(room(first_rad), stamp_ns=number * 100_000_000)
+        vote.ask(PlacedScan(deskew(before, Twist(), Pose2(), 0.1, 12.0), nothing, Pose2()))
+    turned = replace(room(first_rad, turned_rad), stamp_ns=900_000_000)
+    asked = vote.ask(PlacedScan(deskew(turned, Twist(), Pose2(), 0.1, 12.0), nothing, Pose2(0.0, 0.0, turned_rad)))
+    assert asked.voters > 1
+    assert (asked.verdicts == BeamVerdict.KEPT).all()
 
 
 def test_where_beams_are_counted_from_makes_no_difference_to_a_drive() -> None:
