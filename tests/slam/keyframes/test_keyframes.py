@@ -120,6 +120,14 @@ def test_a_loop_is_closed_from_afar_by_two_old_keyframes_and_not_by_one(stops: l
     assert keyframes.figures["poses_overruled"] == 0
 
 
+def test_the_filter_is_told_what_a_fit_claims(stops: list[Stop]) -> None:
+    _, keyframes = driven(stops[:3], np.zeros((3, 3)))
+    keyframes.take_fits()
+    laid = keyframes._fits.fit(0, keyframes.thinned(beams_of(stops[2])))
+    assert laid is not None
+    assert keyframes.take_fits()[0].information == pytest.approx(laid.information - laid.held)
+
+
 def test_a_scan_of_another_place_is_not_believed(stops: list[Stop]) -> None:
     joint, keyframes = driven(stops[:1], np.zeros((1, 3)))
     joint.predict(np.array((0.5, 0.0, 0.0)), WHEELS)
