@@ -5,9 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.errors import ConfigurationError, NotAMapError
 from runtime.map_files.map_file import SavedMap
 from runtime.settings.configuration import Configuration, load_configuration_text
+from slam.maps.joint_map import JointMap
 from slam.pose import Pose2
+from slam.recognise.attempt import LEAST_MATCHES
 
 SAME_MOUNT_M, SAME_MOUNT_RAD = 0.02, 0.01
 TWINS_M = 0.2  # two landmarks nearer than this, and than three deviations, are likely one thing
@@ -22,9 +25,25 @@ class Fitness:
     notes: tuple[str, ...]
 
 
+def configuration_of(saved: SavedMap, name: str) -> Configuration:
+    """That of the rover that made a map. Raises NotAMapError where only another release understands it."""
+    try:
+        return load_configuration_text(saved.facts.configuration_text, source=name)
+    except ConfigurationError as error:
+        first, *_ = str(error).partition("; ")
+        raise NotAMapError(f"{first}; another release wrote this map: use that one, or save a new map") from error
+
+
+def too_small(joint: JointMap) -> str:
+    """Why no place in a map can be recognised, "" where one can."""
+    if len(joint) >= LEAST_MATCHES or len(joint.views):
+        return ""
+    return f"{len(joint)} landmarks and no view of walls, but a place is recognised by {LEAST_MATCHES}, or by walls"
+
+
 def suits(saved: SavedMap, name: str, configuration: Configuration) -> Fitness:
-    """How the sensor and mount that made a map differ from those of a rover."""
-    made, here = load_configuration_text(saved.facts.configuration_text, source=name).slam, configuration.slam
+    """How the sensor and mount that made a map differ from those of a rover. Raises NotAMapError."""
+    made, here = configuration_of(saved, name).slam, configuration.slam
     for key, was, wants in (
         ("slam.front_end.kind", made.front_end.kind, here.front_end.kind),
         ("slam.association.strategy", made.association.strategy, here.association.strategy),
@@ -61,7 +80,8 @@ def suits(saved: SavedMap, name: str, configuration: Configuration) -> Fitness:
 def findings(saved: SavedMap) -> list[str]:
     """What in a map is suspicious, a sentence each."""
     landmarks = saved.joint.landmarks
-    found = []
+    small = too_small(saved.joint)
+    found = [f"{small}: a run in it needs --start-at, and one that is lost does not find back"] if small else []
     widest = np.sqrt(np.maximum(np.linalg.eigvalsh(landmarks.covariances_m2)[:, -1], 0.0))
     vague = int((widest > LARGEST_SIGMA_M).sum())
     if vague:

@@ -11,7 +11,7 @@ import numpy as np
 from drivers.measurements import Event
 from runtime.bounded_read import read_bounded
 from runtime.errors import ConfigurationError, NotAMapError, UsageError
-from runtime.map_files.fitness import distance_outside, suits
+from runtime.map_files.fitness import distance_outside, suits, too_small
 from runtime.map_files.map_file import SavedMap, decode_map
 from runtime.map_files.map_store import read_map
 from runtime.map_files.origin import MapOrigin
@@ -87,6 +87,8 @@ def choose_start(
     if fitness.refusal:
         raise ConfigurationError(fitness.refusal)
     if start_at is None:
+        if small := too_small(saved.joint):
+            raise UsageError(f"{path} holds {small}; give --start-at X,Y,YAW, or save a map of a longer drive")
         return RunStart(path, saved, data, localise_only, None, fitness.notes)
     pose = parse_pose(start_at)
     _check_certainty(saved, pose, str(path))

@@ -7,10 +7,9 @@ import numpy as np
 
 from runtime.errors import ConfigurationError, NotAMapError, UsageError
 from runtime.map_files.end import facts_of
-from runtime.map_files.fitness import suits
+from runtime.map_files.fitness import configuration_of, suits
 from runtime.map_files.map_file import encode_map
 from runtime.map_files.map_store import read_map, refuse_taken, write_new_map
-from runtime.settings.configuration import load_configuration_text
 from slam.recognise.attempt import ODDS
 from slam.relocalise.merge import merge_maps
 
@@ -31,7 +30,7 @@ def merge_files(first: Path, second: Path, out: Path) -> dict[str, Any]:
                 f"{path} has {len(saved.joint)} landmarks, maps to merge have at most {MOST_LANDMARKS} each; "
                 "merge maps of shorter drives"
             )
-    configuration = load_configuration_text(into.facts.configuration_text, source=str(first))
+    configuration = configuration_of(into, str(first))
     fitness = suits(other, str(second), configuration)
     if fitness.refusal:
         raise ConfigurationError(fitness.refusal)

@@ -53,6 +53,27 @@ def test_a_map_of_another_kind_of_sensor_is_refused(tmp_path: Path) -> None:
         check_map(tmp_path / "hall.map", tmp_path / "other.toml")
 
 
+def test_a_map_that_only_another_release_understands_is_refused_with_that_remedy(tmp_path: Path) -> None:
+    told = replace(FACTS, configuration_text="[slam.mount]\ntilt_rad = 0.1\n")
+    hall, yard = tmp_path / "hall.map", tmp_path / "yard.map"
+    hall.write_bytes(map_bytes(facts=told))
+    yard.write_bytes(map_bytes())
+    why = r"hall\.map: slam\.mount\.tilt_rad = 0\.1: unknown key; another release wrote this map: use that one"
+    with pytest.raises(NotAMapError, match=why):
+        choose_start(hall, True, None, load_configuration_text(""))
+    for first, second in ((hall, yard), (yard, hall)):
+        with pytest.raises(NotAMapError, match=why):
+            merge_files(first, second, tmp_path / "both.map")
+
+
+def test_a_map_too_small_to_be_searched_is_found() -> None:
+    few = small_map(5)
+    assert findings(SavedMap(few, FACTS)) == []
+    few = replace(few, view_poses=few.view_poses[:0], view_points_cm=few.view_points_cm[:0])
+    (finding,) = findings(SavedMap(few, FACTS))
+    assert finding.startswith("5 landmarks and no view of walls")
+
+
 def test_twins_and_vague_landmarks_are_found() -> None:
     assert findings(SAVED) == []
     joint = small_map()

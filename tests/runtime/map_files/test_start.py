@@ -9,6 +9,7 @@ from drivers.measurements import Event
 from drivers.simulated.world.places.building import Building, building_settings
 from runtime.errors import ConfigurationError, NotAMapError, UsageError
 from runtime.map_files.end import end_in_map, end_lines
+from runtime.map_files.map_file import encode_map
 from runtime.map_files.map_store import read_map
 from runtime.map_files.start import BeginIn, RunStart, choose_start, parse_pose, recorded_start
 from runtime.maps.save import save_run
@@ -22,7 +23,7 @@ from runtime.settings.configuration import Configuration, load_configuration_tex
 from runtime.studies.places.building_drive import building_ticks
 from slam.estimate import Estimate
 from slam.pose import Pose2
-from tests.support.runtime.small_maps import map_bytes, small_map
+from tests.support.runtime.small_maps import FACTS, map_bytes, small_map
 
 LAPS = 0.05
 
@@ -63,6 +64,21 @@ def test_a_pose_that_is_none_is_refused(text: str) -> None:
 def test_a_pose_outside_the_map_is_refused_with_where_the_map_is(hall: Path) -> None:
     with pytest.raises(UsageError, match=r"--start-at 500,0,0 is 4\d\d m from the nearest landmark .* x -47 to 49 m"):
         at(hall, "500,0,0")
+
+
+def test_a_map_in_which_no_place_can_be_recognised_needs_a_pose(hall: Path) -> None:
+    joint = small_map(5)
+    hall.write_bytes(
+        encode_map(replace(joint, view_poses=joint.view_poses[:0], view_points_cm=joint.view_points_cm[:0]), FACTS)
+    )
+    with pytest.raises(
+        UsageError, match=r"hall\.map holds 5 landmarks and no view of walls, .* by 6, or by walls; give --start-at"
+    ):
+        choose_start(hall, True, None, Configuration())
+    x_m, y_m = joint.means_m[0].tolist()
+    assert at(hall, f"{x_m},{y_m},0").pose is not None
+    hall.write_bytes(encode_map(joint, FACTS))  # with its views
+    assert choose_start(hall, True, None, Configuration()) is not None
 
 
 def test_a_map_of_another_sensor_is_refused_and_of_another_mount_taken_with_a_note(hall: Path) -> None:
