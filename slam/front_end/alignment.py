@@ -19,8 +19,9 @@ from slam.front_end.deskew import Beams, Twist, deskew, sharp_to_m
 from slam.front_end.differencing import LEAST_SUPPORT, OLDEST_S
 from slam.front_end.wide_search import Found, View, WideSearch
 from slam.odometry.odometry import Increment
+from slam.odometry.slip import corrected, is_too_far
 from slam.odometry.trust import WheelTrust
-from slam.pose import Pose2, wrap_rad
+from slam.pose import Pose2
 from slam.settings.front_end import FrontEndSettings
 
 PAST_SCANS = 5  # a scan is laid onto so many earlier ones (decision 0016)
@@ -46,7 +47,6 @@ TURNED = np.diag(np.square((0.0, 0.0, 0.1)))  # of wheels of which one has slipp
 TURNED_STARTS = 9  # headings, where the scan lies worse than usual at those that the wheels admit
 SLIP_SHARE = 0.7  # so many points are on surfaces then
 SLIP_GAIN = 0.05  # and so many more than by the wheels' motion
-SLIDE_MPS = 0.5  # faster than its wheels roll, no rover moves; that they roll backwards they may not know
 LATEST = 2  # scans with which a walker could be mistaken for what stands
 POOR_SHARE = 0.25  # so many points fewer than usual on surfaces say that the best motion near the wheels' is wrong too
 WIDE_PAUSE_NS = 1_000_000_000  # between two searches far from where the wheels say: each costs some milliseconds
@@ -196,10 +196,10 @@ class Alignment:
                 found = self._found_turned(search, increment, covariance, share)
             if found is None and self._usual_fit - share > POOR_SHARE:
                 found = self._found_widely(now, search, increment.mean)
-            if found is not None:
+            if found is not None and not (only_if_slipped and is_too_far(increment, found.motion)):
                 self.refined += 1
                 self.laid = self._beams(now)
-                return self._moved_by(increment, found.motion, found.information)
+                return corrected(increment, found.motion, found.information, suspected=only_if_slipped)
         if not only_if_slipped:
             self._usual_fit += USUAL_GAIN * (share - self._usual_fit)
         off = motion - prior
@@ -220,7 +220,7 @@ class Alignment:
         self.refined += 1
         if not only_if_slipped:
             self.laid = self._beams(now)
-        return self._moved_by(increment, motion, information)
+        return corrected(increment, motion, information, suspected=only_if_slipped)
 
     def _found_turned(self, search: Search, increment: Increment, covariance: FloatArray, share: float) -> Found | None:
         """The motion, turned more than the wheels admit, with which a scan lies as usual; near theirs it does not."""
@@ -241,13 +241,6 @@ class Alignment:
         self.found_widely += found is not None
         return found
 
-    def _moved_by(self, increment: Increment, motion: FloatArray, information: FloatArray) -> Increment:
-        """The increment with another motion (3,), known with that information (3, 3)."""
-        covariance = inverse(information)
-        mean = motion.copy()
-        mean[2] = wrap_rad(float(mean[2]))
-        return replace(increment, mean=mean, covariance=0.5 * (covariance + covariance.T), at_rest=False)
-
     def _have_slipped(
         self, search: Search, increment: Increment, motion: FloatArray, count: int, *, suspected: bool
     ) -> bool:
@@ -258,12 +251,11 @@ class Alignment:
         """
         by_wheels, points, older = increment.mean, len(search.points_m), search.older(LATEST)
         on, by_wheels_on = older.on_surfaces(motion), older.on_surfaces(by_wheels)
-        moved_m, rolled_m = math.hypot(motion[0], motion[1]), math.hypot(by_wheels[0], by_wheels[1])
         return (
             count >= min(SLIP_SHARE, self._usual_fit - UNUSUAL_SHARE) * points
             and count - search.on_surfaces(by_wheels) >= SLIP_GAIN * points
             and on - by_wheels_on >= SLIP_GAIN * (points if suspected else max(on, by_wheels_on))
-            and (not suspected or moved_m <= rolled_m + SLIDE_MPS * increment.duration_s)
+            and not (suspected and is_too_far(increment, motion))
         )
 
     def _references(self) -> list[SeenFrom]:
