@@ -50,7 +50,7 @@ def end_in_map(joint: JointMap, start: RunStart, configuration: Configuration, f
     }
     if start.localise_only:
         return facts
-    if all(np.array_equal(array, joint.arrays[name]) for name, array in start.saved.joint.arrays.items()):
+    if added_nothing(joint, start):
         facts["trouble"] = "the run added nothing to the map: its place in the map was never recognised"
         return facts
     runs = (folder.path.resolve().name,)
@@ -70,6 +70,11 @@ def end_in_map(joint: JointMap, start: RunStart, configuration: Configuration, f
         except StorageError as second:
             facts["trouble"] = f"{error}; {second}"
     return facts
+
+
+def added_nothing(joint: JointMap, start: RunStart) -> bool:
+    """Whether a run ended with the map that it began in, since it never found its place there."""
+    return all(np.array_equal(array, joint.arrays[name]) for name, array in start.saved.joint.arrays.items())
 
 
 def sha256_of(path: Path) -> str | None:

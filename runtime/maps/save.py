@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.map_files.end import facts_of
+from runtime.map_files.end import added_nothing, facts_of
 from runtime.map_files.map_file import LEAST_LANDMARKS, encode_map
 from runtime.map_files.map_store import refuse_taken, write_new_map
 from runtime.map_files.origin import parse_origin
@@ -39,6 +39,10 @@ def save_run(run: Path, out: Path, progress: Callable[[float], None], origin: st
 
     result = replay(reader, configuration, progress=progress, estimator_factory=estimator)
     joint = made[0].joint_map()
+    if start is not None and added_nothing(joint, start):
+        raise UsageError(
+            f"{run} added nothing to the map that it started in: its place was never recognised; use {start.path}"
+        )
     if len(joint) < LEAST_LANDMARKS:
         raise UsageError(f"{run} has {len(joint)} confirmed landmarks: too few to find a pose in; drive farther")
     facts = facts_of(configuration, (run.resolve().name,), None if start is None else start.saved)

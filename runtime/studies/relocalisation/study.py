@@ -138,6 +138,7 @@ def localise_row(kind: str, results: Sequence[Result]) -> Row:
         "worst_rms_m": max(one["rms_m"] for one in results),
         "nees_median": round(float(np.median([one["nees_median"] for one in results])), 2),
         "map_moved_m": max(one["moved_m"] for one in results),
+        "gone": sum(one["gone"] for one in results),
     }
 
 

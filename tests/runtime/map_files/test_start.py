@@ -192,6 +192,16 @@ def test_a_replay_in_a_map_is_on_its_place_and_repeats_to_the_last_bit(
         replay_run(out, None, None, True, {})
 
 
+def test_the_map_of_a_run_that_never_found_its_place_is_not_saved_as_its_own(
+    drive: Path, hall: Path, tmp_path: Path
+) -> None:
+    run, out = tmp_path / "run", tmp_path / "run.map"
+    ended(drive, run, BeginIn(hall))
+    with pytest.raises(UsageError, match=r"run added nothing to the map that it started in: .*; use hall\.map"):
+        save_run(run, out, lambda _: None)
+    assert not out.exists()
+
+
 def recognised_ns(run: Path) -> int:
     """Stamp of the first recognition."""
     estimates = [tick.estimate for tick in RunReader(run).ticks()]

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -6,8 +7,10 @@ import pytest
 from runtime.errors import UsageError
 from runtime.studies.paper.drives.worlds import feature_world
 from runtime.studies.relocalisation import study
+from runtime.studies.relocalisation.localisation import compared
 from runtime.studies.relocalisation.slips import against_fixes, drawn_slip
 from slam.pose import Pose2
+from tests.support.runtime.small_maps import small_map
 
 
 def test_a_rover_is_found_in_the_map_of_another_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -23,6 +26,13 @@ def test_a_rover_is_found_in_the_map_of_another_day(tmp_path: Path, monkeypatch:
     assert "| P |" in (tmp_path / "relocalisation.md").read_text()
     with pytest.raises(UsageError, match="expected worlds"):
         study.run_relocalisation(("nowhere",), 1, tmp_path, tmp_path, None, lambda done, total: None)
+
+
+def test_a_landmark_that_is_gone_is_counted_and_says_nothing_of_the_others() -> None:
+    known = small_map(12)
+    after = replace(known, identities=np.append(known.identities[:-1], 7))
+    assert compared(known, after) == {"moved_m": 0.0, "gone": 1}
+    assert compared(known, replace(after, means_m=after.means_m + 0.25))["moved_m"] == pytest.approx(0.25)
 
 
 def test_another_day_has_other_noise_and_as_many_landmarks_exchanged_as_asked_for() -> None:
