@@ -42,7 +42,7 @@ class Atlas:
 
     def __init__(self, cell_m: float) -> None:
         self._cell_m = cell_m
-        self._cells: dict[tuple[int, int], list[int]] = {}
+        self._cells: dict[tuple[int, int], tuple[int, ...]] = {}
         self._cell_of: dict[int, tuple[int, int]] = {}
         self._free: list[int] = []
         self.identities = np.zeros(0, dtype=np.int64)
@@ -67,8 +67,7 @@ class Atlas:
         for name, column in vars(self).items():
             if isinstance(column, np.ndarray):
                 setattr(other, name, column.copy())
-        other._cells = {cell: rows.copy() for cell, rows in self._cells.items()}
-        other._cell_of, other._free = self._cell_of.copy(), self._free.copy()
+        other._cells, other._cell_of, other._free = self._cells.copy(), self._cell_of.copy(), self._free.copy()
         return other
 
     @property
@@ -116,9 +115,9 @@ class Atlas:
     def take_back(self, row: int, place: int) -> None:
         """The landmark is in the state again."""
         cell = self._cell_of.pop(row)
-        self._cells[cell].remove(row)
-        if not self._cells[cell]:
-            del self._cells[cell]
+        left = tuple(other for other in self._cells.pop(cell) if other != row)
+        if left:
+            self._cells[cell] = left
         self.place[row] = place
 
     def away_near(self, x_m: float, y_m: float, radius_m: float) -> list[int]:
@@ -158,7 +157,7 @@ class Atlas:
         return means, parent_means
 
     def _sort_in(self, row: int, cell: tuple[int, int]) -> None:
-        self._cells.setdefault(cell, []).append(row)
+        self._cells[cell] = (*self._cells.get(cell, ()), row)  # never changed in place: copies share them
         self._cell_of[row] = cell
 
     def _enlarge(self, by: int) -> None:

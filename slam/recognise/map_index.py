@@ -54,7 +54,6 @@ class MapIndex:
     def __init__(self, scale: Scale) -> None:
         self.scale = scale
         self._longest_m = LONGEST_M
-        self._row_of: dict[int, int] = {}
         self._free = list(range(FIRST_ROOM))[::-1]
         self._identities = np.full(FIRST_ROOM, FREE, dtype=np.int64)
         self._points = np.zeros((FIRST_ROOM, 2))
@@ -65,14 +64,17 @@ class MapIndex:
         self._indexed: IndexedMap | None = None
 
     def __len__(self) -> int:
-        return len(self._row_of)
+        return len(self._identities) - len(self._free)
 
     def follow(self, identities: IntArray, means_m: FloatArray, most_changes: int | None = None) -> bool:
         """Bring the index up to date with the landmarks (L,), (L, 2) of a map; False where changes are left over.
 
         most_changes: landmarks that are added or taken out in this call, None for all.
         """
-        known = np.array([self._row_of.get(identity, FREE) for identity in identities.tolist()], dtype=np.int64)
+        order = np.argsort(self._identities, kind="stable")
+        names = self._identities[order]
+        found = np.searchsorted(names, identities, side="right") - 1
+        known = np.where(names[found] == identities, order[found], FREE)
         apart = lengths(self._points[known] - means_m)
         moved = (known != FREE) & (apart > MOVED_SHARE * self.scale.sigma_m)
         gone = self._identities != FREE
@@ -106,8 +108,6 @@ class MapIndex:
             used = self._identities != FREE
             neighbours(self._points, used, row, 0.0, 0.0, CROWD_M, self._crowds, -1)
             self._cover(row, -1)
-            if self._row_of.get(int(self._identities[row])) == row:  # else two landmarks have one name, and this goes
-                del self._row_of[int(self._identities[row])]
             self._identities[row] = FREE
             self._free.append(row)
 
@@ -126,7 +126,6 @@ class MapIndex:
                 self._points, used, row, self.scale.shortest_pair_m, self._longest_m, CROWD_M, self._crowds, 1
             )
             self._identities[row] = identity
-            self._row_of[identity] = row
             self._cover(row, 1)
             lengths.append(distances)
             first.append(np.full(len(others), row))
