@@ -157,7 +157,7 @@ class Estimator:
 
         # the joint Gaussian, whose pose is published, and whether it can be believed
         confidence = Confidence(self._quality.settled_before, self._quality.map_is_kept)
-        matched = self._joint.observe(rows, outcome.matches, sight, confidence, self._alignment.alone_m)
+        matched = self._joint.observe(rows, outcome.matches, sight, confidence, alone_m=self._alignment.alone_m)
         evidence, lies = self._joint.evidence, False
         if not self._quality.is_doubted:
             self._view.learn(evidence.found, evidence.missed)

@@ -164,6 +164,7 @@ class JointGaussian:
         hints: IntArray,
         sight: SightLine = NO_SIGHT,
         confidence: Confidence = CONFIDENT,
+        *,
         alone_m: float = math.inf,
         begins: bool = False,
     ) -> IntArray:

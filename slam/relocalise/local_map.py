@@ -80,7 +80,7 @@ class LocalMap:
         self.joint.predict(*motion)
         hints = np.full(seen.rows.ranges_m.size, -1, dtype=np.int64)
         confidence = Confidence(self.joint.scans - self._monitor.scans + self._monitor.settled_before)
-        self.joint.observe(seen.rows, hints, seen.sight, confidence, first)
+        self.joint.observe(seen.rows, hints, seen.sight, confidence, begins=first)
         self._monitor.add(seen.stamp_ns, self.joint.evidence, seen.seen_before_share)
 
     @property
