@@ -13,10 +13,10 @@ from runtime.calibrate.result import Calibration, calibration_lines
 from runtime.errors import ConfigurationError, StorageError
 from runtime.settings.configuration import Configuration, load_configuration, load_configuration_text
 from runtime.settings.trees import Tree, copy_of, take, value_at, with_value
+from runtime.setup.validation import UNCERTAINTIES
 from runtime.source_tree import shipped_configuration
 from slam.pose import wrap_rad
 
-UNCERTAINTIES = ("slam.odometry.radius_uncertainty", "slam.odometry.tread_uncertainty")
 LATENCIES = ("laser.stamp_offset_s", "data_set.laser_latency_s")
 UPSIDE_DOWN = "slam.mount.upside_down"
 DIRECT = {

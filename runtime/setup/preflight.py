@@ -22,6 +22,7 @@ from runtime.setup.check_result import Check, CheckResult
 from runtime.setup.discover.can_traffic import traffic_of
 from runtime.setup.discover.listen import hear
 from runtime.setup.discover.wheel_layouts import layouts_that_fit
+from runtime.setup.validation import UNCERTAINTIES, is_set
 from runtime.simulation.rover_process import SimulatedRover
 
 POLL_S = 0.1
@@ -96,18 +97,15 @@ def check_real_time(priority: int) -> Check:
 
 
 def check_calibration(configuration: Configuration) -> Check:
-    """Whether the geometry differs from what the program is delivered with."""
-    vehicle = configuration.vehicle
-    names = ("wheel_radius_left_m", "wheel_radius_right_m", "tread_m")
-    measured = any(getattr(vehicle, name) != getattr(type(vehicle)(), name) for name in names)
-    if measured:
-        return Check("calibration", CheckResult.PASS, "wheel radii and tread are set for this rover")
+    """Whether the file holds what only a calibration writes."""
+    if any(is_set(configuration, key) for key in UNCERTAINTIES):
+        return Check("calibration", CheckResult.PASS, "the geometry is calibrated")
     if configuration.simulation is not None:
         return Check("calibration", CheckResult.PASS, "simulated wheels are as designed")
     return Check(
         "calibration",
         CheckResult.WARN,
-        "wheel radii and tread are the defaults, which are those of another rover",
+        "the geometry is measured by ruler, not calibrated",
         "drive some loops both ways, then: infant calibrate RUN --write FILE",
     )
 

@@ -17,6 +17,8 @@ GEOMETRY = (
     "vehicle.counts_per_rev",
     "slam.mount.x_m",
 )
+UNCERTAINTIES = ("slam.odometry.radius_uncertainty", "slam.odometry.tread_uncertainty")
+"""What a ruler does not give and `infant calibrate` writes."""
 
 
 def validate_for_live_run(configuration: Configuration, source: str) -> None:
@@ -43,7 +45,7 @@ def validate_for_live_run(configuration: Configuration, source: str) -> None:
             rover_config(configuration.publish, configuration.rover, ())
         except ConfigurationError as error:
             raise ConfigurationError(f"{source}: {error}") from error
-    if configuration.simulation is None and (absent := [key for key in GEOMETRY if not _is_set(configuration, key)]):
+    if configuration.simulation is None and (absent := [key for key in GEOMETRY if not is_set(configuration, key)]):
         raise ConfigurationError(
             f"{source}: {absent[0]}: missing; measure it on the rover: geometry is never guessed ('infant "
             "setup' asks for it)"
@@ -62,7 +64,7 @@ def _refuse_layout(encoders: EncoderSettings, source: str) -> None:
         raise ConfigurationError(f"{source}: encoders.layout: {error}") from error
 
 
-def _is_set(configuration: Configuration, key: str) -> bool:
+def is_set(configuration: Configuration, key: str) -> bool:
     """Whether the file itself has the key."""
     table: Any = configuration
     for name in key.split("."):
