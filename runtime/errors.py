@@ -1,6 +1,7 @@
 """The errors that end a command: each carries one sentence for the person and the exit code for the caller.
 
     InfantError                  70  a defect: nothing that a user did
+    +-- Interrupted             130  stopped before there was something to keep
     +-- UsageError                2  words of the command line that do not fit together
     +-- ConfigurationError        3  a key, a value or a data set that cannot be used as it is
     |   +-- DataSetError          3  a recording to import lacks what the estimator needs
@@ -19,6 +20,12 @@ class InfantError(Exception):
     """Base: the message is one sentence that names what, what was expected, and what to do."""
 
     exit_code: int = 70
+
+
+class Interrupted(InfantError):  # noqa: N818 as with KeyboardInterrupt, it is no error of anybody
+    """For example Ctrl-C before the first tick of a run."""
+
+    exit_code = 130
 
 
 class UsageError(InfantError):

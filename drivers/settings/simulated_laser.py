@@ -35,7 +35,9 @@ class LaserFault(BaseModel):
     start_s: float = Field(0.0, ge=0.0, le=86400.0, description="s after the device's start, or after injection")
     duration_s: float | None = Field(None, ge=0.001, le=86400.0, description="s; absent: until it is cleared")
     status: str = Field(
-        "0L", pattern=r"^(0L|0M|[2-8][0-9]|9[0-7])$", description="for status: its code; 0L and 50-97 need RB"
+        "0L",
+        pattern=r"^(0L|0M|[2-8][0-9]|9[0-7])$",
+        description="for status: its code; after 0L and 50 to 97 the laser needs a reboot (RB)",
     )
     delay_s: float = Field(0.3, ge=0.001, le=10.0, description="s, for delayed; well above the jitter of a network")
     keep_every: int = Field(3, ge=2, le=100, description="for slow: one scan of so many is sent")

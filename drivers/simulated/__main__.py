@@ -6,7 +6,7 @@ standard input ends the program.
 """
 
 import json
-import signal
+import os
 import sys
 import time
 from typing import Any, TextIO
@@ -47,5 +47,7 @@ def obey(rover: Rover, request: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    serve(sys.stdin, sys.stdout)
+    try:
+        serve(sys.stdin, sys.stdout)
+    except BrokenPipeError:  # whoever started it has gone; what is still held back goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

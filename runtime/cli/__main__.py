@@ -20,7 +20,7 @@ import typer
 from runtime.cli import live, log, maps, prepare, rover, runs, studies
 from runtime.cli.help import GroupedCommands, PlainUsage, WholeSentences, epilog, show_version
 from runtime.cli.output import begin_answering, error_object, has_answered, say_json
-from runtime.errors import InfantError, StorageError, UsageError
+from runtime.errors import InfantError, Interrupted, StorageError, UsageError
 from runtime.printable import printable, printable_lines, tell
 
 app = typer.Typer(
@@ -46,7 +46,7 @@ for name, (text, commands) in GROUPS.items():
     app.add_typer(group_app)
 
 
-INTERRUPTED = 130  # by Ctrl-C, as a shell has it
+INTERRUPTED = Interrupted.exit_code
 NOBODY_READS = 141  # the reader of the output has gone, as in `infant ... | head`; as a shell has it
 
 

@@ -42,7 +42,7 @@ def run(
     as_json: AsJson = False,
 ) -> None:
     """Run live: read the sensors, publish the pose, record everything. Ctrl-C ends the run and keeps everything."""
-    from runtime.errors import SensorError, UsageError
+    from runtime.errors import Interrupted, SensorError, UsageError
     from runtime.live.clock import MonotonicClock
     from runtime.live.deadline import Deadline, TimeIsOver, process_began_ns
     from runtime.live.run import Host, run_live
@@ -85,7 +85,7 @@ def run(
     if not summary["ticks"]:
         folder.remove()
         if not as_service:
-            raise UsageError("stopped before the first tick; nothing was recorded")
+            raise Interrupted("stopped before the first tick; nothing was recorded")
         return
     sentence = "" if as_service else silence(summary, str(config))
     error = SensorError(sentence) if sentence else None

@@ -74,8 +74,9 @@ def recover(
     from runtime.record.folder import RunFolder
 
     RunFolder.open(run)
-    with busy("recover"):
-        result = recover_run(run, RunFolder.create(out, out.parent))
+    folder = RunFolder.create(out, out.parent)
+    with busy("recover"), folder.gone_if_interrupted():
+        result = recover_run(run, folder)
     lines = [f"lost      {sentence}" for sentence in result["losses"]]
     answer(result, [*lines, f"run       {result['out']}  {result['ticks']} ticks"], as_json)
 

@@ -129,6 +129,7 @@ class ReviewProcess:
             stdout=subprocess.PIPE,
             stderr=self._errors,
             env={**os.environ, "RUST_LOG": "error", "RERUN_ANALYTICS": "off"},
+            start_new_session=True,  # Ctrl-C is for the parent, which ends the drawing by closing the pipe
         )
 
     def _renew(self) -> None:

@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import signal
 import sys
 from pathlib import Path
 from typing import IO
@@ -40,8 +39,6 @@ def draw_from(stream: IO[bytes], path: Path, what: str) -> None:
 
 if __name__ == "__main__":
     leave_out("pandas")
-    # Ctrl-C goes to the whole group: the parent decides when the drawing ends, by closing the pipe
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(OSError):  # a service manager may forbid it; the picture is drawn all the same
         os.nice(NICENESS)
     try:

@@ -77,7 +77,12 @@ def drawn_meanwhile(run: Path, out_rrd: Path) -> Iterator[Callable[[str], None]]
     Where none is given, or something is raised inside, no picture is left. Raises what build_review does.
     """
     command = [sys.executable, "-m", "runtime.review.rebuild", str(run), str(out_rrd)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+    with subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        start_new_session=True,  # Ctrl-C is for the parent, which then ends the child
+    ) as process:
 
         def finish(verdict: str) -> None:
             told, _ = process.communicate(json.dumps(verdict).encode())  # says nothing where the process has ended
@@ -122,6 +127,5 @@ def _draw(run: Path, out_rrd: Path, asked: IO[bytes]) -> InfantError | None:
 
 if __name__ == "__main__":
     leave_out("pandas")
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is its parent's, which then terminates it
     with suppress(EOFError):
         sys.stdout.buffer.write(pickle.dumps(_draw(Path(sys.argv[1]), Path(sys.argv[2]), sys.stdin.buffer)))

@@ -110,7 +110,10 @@ def rate_lines(measured: dict[str, Any]) -> list[str]:
 def busy_processes(hogs: int, synced: Path | None) -> Iterator[None]:
     """Processes that take what they can get of the processor and of the disk."""
     programs = [[HOG]] * hogs + ([[FSYNC_LOOP, str(synced)]] if synced is not None else [])
-    processes = [subprocess.Popen([sys.executable, "-c", *words], preexec_fn=end_with_parent) for words in programs]
+    processes = [
+        subprocess.Popen([sys.executable, "-c", *words], preexec_fn=end_with_parent, start_new_session=True)
+        for words in programs
+    ]
     try:
         yield
     finally:

@@ -26,6 +26,7 @@ class Listener:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
+            start_new_session=True,  # Ctrl-C is for the parent
         )
 
     def await_subscribed(self) -> None:

@@ -28,7 +28,10 @@ class ScansAhead:
     def __init__(self, settings: WorldSettings) -> None:
         self._bytes = 8 * settings.laser.beam_count
         self._child = subprocess.Popen(
-            [sys.executable, "-m", "runtime.studies.soak.scans_ahead"], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            [sys.executable, "-m", "runtime.studies.soak.scans_ahead"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,  # Ctrl-C is for the parent
         )
         self._ordered_ns: int | None = None
         self._last_ns: int | None = None

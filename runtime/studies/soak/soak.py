@@ -16,7 +16,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from runtime.errors import ConfigurationError
+from runtime.errors import ConfigurationError, Interrupted
 from runtime.live.clock import Clock
 from runtime.live.drawing_process import ReviewProcess
 from runtime.live.parts import Parts, live_parts
@@ -49,7 +49,7 @@ def soak(
     """Drive minutes * speed minutes of the loop's clock, at most `speed` times faster than life; all figures of it.
 
     out: folder that gets the run; its other runs count into the budget of the record. Raises ConfigurationError,
-    StorageError, SensorError.
+    StorageError, SensorError, Interrupted.
     """
     configuration = soak_configuration(config, overrides)
     folder = RunFolder.create(out / "run", out)
@@ -78,6 +78,9 @@ def soak(
         finally:
             real_s += os.times().elapsed
             heard = listener.heard()
+    if not track.samples:
+        folder.remove()
+        raise Interrupted("stopped before there was anything to measure; nothing is kept")
     left_open = open_files() - open_before
     return {
         "minutes_asked": minutes,

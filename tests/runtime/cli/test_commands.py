@@ -135,7 +135,7 @@ def test_a_run_that_ends_before_its_first_tick_says_so_and_leaves_no_folder(tmp_
     await_size(tmp_path / "run" / "config.toml", 100, process)
     process.send_signal(signal.SIGINT)
     stdout, stderr = process.communicate(timeout=600)
-    assert process.returncode == 2, stderr
+    assert process.returncode == 130, stderr
     assert "nothing was recorded" in json.loads(stdout)["error"]["reason"]
     assert not (tmp_path / "run").exists()
 

@@ -31,7 +31,7 @@ def test_an_error_of_the_family_ends_with_its_sentence_and_code(
 
 
 def test_codes_are_those_that_the_design_fixes() -> None:
-    assert {each.exit_code for each in family(errors.InfantError)} == {2, 3, 4, 5, 6, 70}
+    assert {each.exit_code for each in family(errors.InfantError)} == {2, 3, 4, 5, 6, 70, 130}
 
 
 def test_a_defect_ends_with_70_and_its_traceback(
