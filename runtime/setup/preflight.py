@@ -98,14 +98,14 @@ def check_real_time(priority: int) -> Check:
 
 def check_calibration(configuration: Configuration) -> Check:
     """Whether the file holds what only a calibration writes."""
-    if any(is_set(configuration, key) for key in UNCERTAINTIES):
+    if all(is_set(configuration, key) for key in UNCERTAINTIES):
         return Check("calibration", CheckResult.PASS, "the geometry is calibrated")
     if configuration.simulation is not None:
         return Check("calibration", CheckResult.PASS, "simulated wheels are as designed")
     return Check(
         "calibration",
         CheckResult.WARN,
-        "the geometry is measured by ruler, not calibrated",
+        "wheel radii or tread are measured by ruler, not calibrated",
         "drive some loops both ways, then: infant calibrate RUN --write FILE",
     )
 

@@ -84,8 +84,9 @@ def test_a_priority_that_is_not_allowed_is_a_warning(monkeypatch: pytest.MonkeyP
 def test_wheels_measured_by_ruler_ask_for_a_calibration_and_calibrated_ones_do_not() -> None:
     by_ruler = "[vehicle]\nwheel_radius_left_m = 0.0825\nwheel_radius_right_m = 0.0825\ntread_m = 0.42\n"
     assert check_calibration(load_configuration_text(by_ruler)).verdict is WARN
-    calibrated = load_configuration_text(by_ruler + "[slam.odometry]\ntread_uncertainty = 0.002")
-    assert check_calibration(calibrated).verdict is PASS
+    radii_only = by_ruler + "[slam.odometry]\nradius_uncertainty = 0.002\n"
+    assert check_calibration(load_configuration_text(radii_only)).verdict is WARN
+    assert check_calibration(load_configuration_text(radii_only + "tread_uncertainty = 0.002")).verdict is PASS
 
 
 def test_a_taken_port_is_a_warning() -> None:
