@@ -13,7 +13,8 @@ from runtime.export.grid import MOST_CELLS
 from runtime.export.rosbag2 import Rosbag2
 from runtime.export.tables import CsvFile, GeoJsonFile, TumFile
 from runtime.map_files.start import origin_of
-from runtime.record.reader import RecordedTick, RunReader
+from runtime.messages.recorded_tick import RecordedTick
+from runtime.record.reader import RunReader
 from runtime.record.room import is_being_written
 from runtime.record.trajectories import with_estimates
 from runtime.settings.configuration import load_configuration_text

@@ -12,8 +12,8 @@ from runtime.export.grid import GridOfRun
 from runtime.export.metadata import LATCHED, SENSOR_DATA, STANDARD, Topic, metadata_yaml
 from runtime.maps.grid_message import GRID, grid_bytes
 from runtime.messages.definitions import TYPES, definition
+from runtime.messages.recorded_tick import RecordedTick
 from runtime.messages.ros import encode_events
-from runtime.record.reader import RecordedTick
 from runtime.ros2.laser_scan import SCAN, first_ray_ns, scan_bytes
 from runtime.ros2.markers import MARKERS, landmark_bytes
 from runtime.ros2.odometry import ODOMETRY, OdometryTrack, odometry_bytes

@@ -9,7 +9,7 @@ import numpy as np
 from runtime.map_files.origin import MapOrigin
 from runtime.maps.geodetic import coordinates_note, placed
 from runtime.maps.landmark_files import landmark_geojson
-from runtime.record.reader import RecordedTick
+from runtime.messages.recorded_tick import RecordedTick
 from slam.estimate import Estimate, LandmarkMap
 
 COLUMNS = (

@@ -117,7 +117,7 @@ class McapPrefix:
         self.offset = len(MAGIC)
         data_crc = zlib.crc32(MAGIC)
         while True:
-            head = stream.read(RECORD_HEAD.size)
+            head = stream.read(min(RECORD_HEAD.size, self.size - self.offset))  # what a recorder adds is of later
             if not head:
                 raise self._cut_off("the recording was cut off")
             if len(head) < RECORD_HEAD.size:
@@ -129,7 +129,7 @@ class McapPrefix:
                 raise self._foreign(
                     f"a record of {length} bytes, more than the {LARGEST_RECORD_BYTES} that are allowed"
                 )
-            body = stream.read(length)
+            body = stream.read(min(length, self.size - self.offset - len(head)))
             if not _can_be_as_long(opcode, length, body):
                 raise DamageError(self.offset, "a record with a wrong length")
             if len(body) < length:
@@ -176,7 +176,6 @@ class McapPrefix:
 
     def _cut_off(self, what: str) -> DamageError:
         self.cut_off = True
-        self.size = max(self.size, self.offset)  # a file that is being written has grown meanwhile
         return DamageError(self.offset, what)
 
     def _foreign(self, what: str) -> DamageError:

@@ -1,87 +1,28 @@
 """A recorded run, read from its start up to where it can be believed."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
 
 from runtime.errors import NotARunError
-from runtime.messages.decoding import Decoded, check, decoded
+from runtime.messages.decoding import check, decoded
 from runtime.messages.definitions import TYPES, deserialize
-from runtime.messages.estimate import decode_estimate
+from runtime.messages.recorded_tick import OUTCOMES, RecordedTick
 from runtime.messages.ros import decode_ranges_m
-from runtime.messages.tick import (
-    Gap,
-    Record,
-    decode_defect,
-    decode_gap,
-    decode_state_hash,
-    decode_tick,
-    decode_timing,
-    decode_truth,
-    encode_gap,
-)
+from runtime.messages.tick import Gap, Record, decode_gap, decode_tick, encode_gap
 from runtime.printable import printable
 from runtime.record.folder import CLOSED_NAME, MOST_SEGMENTS, RunFolder
 from runtime.record.header import first_header, segment_number
 from runtime.record.manifest import Manifest, Told
 from runtime.record.mcap_prefix import Channel, McapPrefix
-from runtime.tick import Tick, Timing
-from slam.estimate import Estimate
-from slam.pose import Pose2
+from runtime.record.room import is_being_written
 
 LOSSES_SHOWN = 3
 MOST_LOSSES = 1000  # sentences kept; a run that is worse is no better known for more of them
 CDR_HEADER = b"\0\1\0\0"  # little-endian; of every message that a recorder writes
 FAR = 1 << 62  # ns: a stamp that no clock of a rover shows
-OUTCOMES = frozenset(("/estimate", "/pose", "/odom", "/timing", "/state_hash", "/truth", "/defect"))
 OF_TICKS = OUTCOMES | {"/scan", "/tick", "/gap", "/diagnostics"}
 WITH_RAW_LASER = OF_TICKS | {"/raw/laser"}
-
-
-@dataclass(frozen=True, slots=True)
-class RecordedTick:
-    """One tick as it came in and, where it was recorded, what came of it.
-
-    inputs: the records that the tick was decoded from, for whoever writes it again unchanged.
-    outcomes: the others by topic, decoded only when asked for, which raises NotARunError where they are none.
-    gaps: what the record had lost before this tick. place: file and byte of its chunk.
-    """
-
-    tick: Tick
-    inputs: list[Record]
-    gaps: list[Gap]
-    place: str
-    outcomes: dict[str, Record] = field(default_factory=dict)
-
-    @property
-    def estimate(self) -> Estimate | None:
-        """What the estimator said."""
-        return self._outcome("/estimate", decode_estimate)
-
-    @property
-    def timing(self) -> Timing | None:
-        """How the loop kept time."""
-        return self._outcome("/timing", decode_timing)
-
-    @property
-    def state_hash(self) -> bytes | None:
-        """Hash of the filter's state after the tick."""
-        return self._outcome("/state_hash", decode_state_hash)
-
-    @property
-    def truth(self) -> Pose2 | None:
-        """Where a simulated rover really was."""
-        return self._outcome("/truth", decode_truth)
-
-    @property
-    def defect(self) -> str:
-        """Why the step raised and ended as a prediction, "" where it did not."""
-        return self._outcome("/defect", decode_defect) or ""
-
-    def _outcome(self, topic: str, decoder: Callable[[bytes], Decoded]) -> Decoded | None:
-        record = self.outcomes.get(topic)
-        return None if record is None else decoded(record, decoder, self.place)
 
 
 class RunReader:
@@ -129,7 +70,7 @@ class RunReader:
     @property
     def read_fraction(self) -> float:
         """Share of the run that has been read, for a progress bar."""
-        return (self._size_before + self._file.offset) / self._size
+        return min(1.0, (self._size_before + self._file.offset) / self._size)  # a run that is recorded has grown
 
     @property
     def damages(self) -> list[str]:
@@ -159,7 +100,8 @@ class RunReader:
         self._losses, self.known_losses, self._size_before, self._alike, self.cut_off = [], [], 0, ("", ""), False
         self._ticks, self._span_ns = 0, None
         stamp_ns, expected, missing_ticks = 0, 1, 0  # missing_ticks: for which no gap has been given yet
-        for index, path in enumerate(self._paths):
+        is_recorded = is_being_written(self.folder.mcap_path)
+        for index, path in enumerate(self._paths_now()):
             ticks = 0
             self._size_before += self._file.size if index else 0
             self._file = file = McapPrefix(path)
@@ -178,7 +120,12 @@ class RunReader:
                 yield record
             if file.damage:
                 self.cut_off = file.cut_off and path == self._paths[-1] and path.name not in told.segments
-                self._note_damage(file)
+                if self.cut_off and is_recorded:
+                    self.cut_off = False
+                    self.known_losses.append("the run is still being recorded")
+                    self._losses.append(self.known_losses[-1])
+                else:
+                    self._note_damage(file)
                 missing_ticks += max(1, told.ticks.get(path.name, 0) - ticks)
             if file.foreign:
                 self._refuse(path, str(file.damage))
@@ -188,6 +135,12 @@ class RunReader:
         if not last and self._paths[-1].name != "run.mcap" and not self._losses:
             self._losses.append(f"the recording was cut off after {self._paths[-1].name}")
             self.cut_off = True
+
+    def _paths_now(self) -> Iterator[Path]:
+        """Of every segment, with those that a recorder has closed while the others were read."""
+        yield from (read := self._paths[:-1])
+        self._paths = read + [path for path in self.folder.segment_paths() if path not in read] or self._paths
+        yield from self._paths[len(read) :]
 
     def _believable(self, file: McapPrefix, topics: Collection[str] | None) -> Iterator[Record]:
         """Records of one file; with `tolerant` a gap in place of ticks that say nothing and of what came of them."""

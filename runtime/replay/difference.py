@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from runtime.messages.estimate import decode_estimate, encode_estimate
-from runtime.record.reader import RecordedTick
+from runtime.messages.recorded_tick import RecordedTick
 from slam.estimate import Estimate
 
 TOLERANCE_M = 0.01  # between processors of two kinds; libraries for other x86-64 made 1e-14 m after 30 s (decision 49)

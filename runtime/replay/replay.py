@@ -15,13 +15,14 @@ from runtime.importers.mount import mount_of_import
 from runtime.live.timekeeping import Durations
 from runtime.map_files.start import AS_RECORDED, BeginIn, RunStart, for_estimator
 from runtime.messages.estimate import encode_estimate
+from runtime.messages.recorded_tick import RecordedTick
 from runtime.messages.records import outcome_records
 from runtime.messages.tick import Record
 from runtime.record.check import alterations_of
 from runtime.record.folder import RunFolder
 from runtime.record.header import installed_versions, other_versions
 from runtime.record.mcap_file import RunWriter
-from runtime.record.reader import RecordedTick, RunReader
+from runtime.record.reader import RunReader
 from runtime.replay.difference import Deviation, first_difference
 from runtime.service.processor import other_kind
 from runtime.settings.configuration import Configuration, load_configuration, load_configuration_text

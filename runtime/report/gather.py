@@ -14,8 +14,9 @@ from runtime.evaluate.evaluate import against_data_set, against_simulation, noth
 from runtime.evaluate.smoothed import read_smoothed
 from runtime.evaluate.truth import DataSetTruth
 from runtime.maps.scan_picture import ScanCells
+from runtime.messages.recorded_tick import RecordedTick
 from runtime.printable import printable
-from runtime.record.reader import RecordedTick, RunReader
+from runtime.record.reader import RunReader
 from runtime.record.room import is_being_written
 from runtime.record.trajectories import Trajectories, searched_rows, with_estimates
 from runtime.report.device_clock import DeviceClockReader

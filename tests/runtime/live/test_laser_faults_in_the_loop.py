@@ -10,7 +10,7 @@ import pytest
 
 from drivers.measurements import Event
 from drivers.settings.simulated_laser import FaultKind
-from runtime.record.reader import RecordedTick
+from runtime.messages.recorded_tick import RecordedTick
 from tests.support.runtime.live_laser import LiveRun, events_of, live_run, missed_beats, recorded, told
 
 RECOVERY_S = 2.0

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from runtime.errors import NotARunError
-from runtime.record.check import recover_run, run_info, verify_run
+from runtime.messages.recorded_tick import RecordedTick
+from runtime.record.check import alterations_of, recover_run, run_info, verify_run
 from runtime.record.folder import RunFolder
-from runtime.record.reader import RecordedTick, RunReader
-from tests.runtime.record.test_segments import Drive, driven, is_part, seqs
+from runtime.record.reader import RunReader
+from tests.runtime.record.test_segments import SEGMENT_TICKS, Drive, driven, is_part, seqs
 
 PAGE_BYTES = 4096
 Spoil = Callable[[bytearray, int, np.random.Generator], None]
@@ -49,6 +50,25 @@ def test_a_run_that_was_cut_off_says_so_and_nothing_else(tmp_path: Path) -> None
     found = verify_run(killed(tmp_path / "run").path)
     assert len(found.damages) == 1
     assert "cut off" in found.damages[0]
+
+
+def test_a_run_that_is_being_recorded_is_read_up_to_now_and_not_called_damaged(tmp_path: Path) -> None:
+    """The recorder closes two segments while the run is read, one of them under the reader's hands."""
+    drive = Drive(tmp_path / "run")
+    drive.run(2 * SEGMENT_TICKS + SEGMENT_TICKS // 2)
+    reader = RunReader(drive.folder.path)
+    read = []
+    for recorded in reader.ticks():
+        read.append(recorded.tick.seq)
+        if len(read) in (SEGMENT_TICKS, 2 * SEGMENT_TICKS + 1):
+            drive.run(SEGMENT_TICKS)
+    assert read == list(range(read[-1] + 1))
+    assert len(read) > 3 * SEGMENT_TICKS
+    assert "the run is still being recorded" in reader.truncated
+    assert (reader.gaps, reader.damages, alterations_of(reader)) == ([], [], [])
+    found = verify_run(drive.folder.path)
+    assert (found.damages, found.gaps) == ([], ["the run is still being recorded"])
+    drive.end()
 
 
 @pytest.mark.parametrize("make", [driven, killed])

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from runtime.errors import NotARunError
+from runtime.messages.recorded_tick import RecordedTick
 from runtime.messages.records import tick_records
 from runtime.record.header import RunHeader
 from runtime.record.mcap_file import RecordFile
 from runtime.record.mcap_prefix import McapPrefix
-from runtime.record.reader import RecordedTick, RunReader
+from runtime.record.reader import RunReader
 from runtime.tick import CompletedTick
 from tests.support.runtime.recorded_values import make_estimate, make_tick, make_timing, same_bits
 

@@ -17,8 +17,9 @@ from drivers.measurements import Event, SensorHealth
 from runtime.live.clock import Clock, MonotonicClock
 from runtime.live.parts import Parts, live_parts
 from runtime.live.run import Host, run_live
+from runtime.messages.recorded_tick import RecordedTick
 from runtime.record.folder import RunFolder
-from runtime.record.reader import RecordedTick, RunReader
+from runtime.record.reader import RunReader
 from runtime.service.systemd import ServiceManager
 from runtime.settings.configuration import Configuration, load_configuration_text
 from runtime.simulation.rover_process import SimulatedRover

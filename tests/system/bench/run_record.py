@@ -8,7 +8,8 @@ import numpy as np
 from drivers.measurements import Event, WheelCounts
 from drivers.simulated.rover import world_for
 from drivers.simulated.world.places.world import World
-from runtime.record.reader import RecordedTick, RunReader
+from runtime.messages.recorded_tick import RecordedTick
+from runtime.record.reader import RunReader
 from runtime.settings.configuration import load_configuration_text
 
 SECOND_NS = 1_000_000_000
