@@ -148,6 +148,11 @@ def test_a_command_that_a_page_shows_exists_with_these_options(page: str, line: 
     command.make_context(command.name, words)
 
 
+def test_no_table_has_more_columns_than_a_page_is_wide() -> None:
+    rows = [line for path in DOCS.rglob("*.md") for line in path.read_text(encoding="utf-8").splitlines()]
+    assert [row for row in rows if row.startswith("|---") and row.count("|") > 13] == []
+
+
 def test_a_make_target_that_a_page_shows_exists() -> None:
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
     for path in (*written_pages(), ROOT / ".pre-commit-config.yaml"):

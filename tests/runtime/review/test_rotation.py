@@ -187,7 +187,7 @@ def test_a_segment_that_goes_for_room_takes_its_picture_along(tmp_path: Path) ->
 @pytest.mark.browser
 def test_the_viewer_opens_all_parts_as_one_run(tmp_path: Path) -> None:
     folder = drawn_in(tmp_path / "parts", rotated(drive(120), (40, 80)))
-    with headless_viewer(review_paths(folder), (1200, 800)) as client:
+    with headless_viewer(folder.review_paths(), (1200, 800)) as client:
         state = client.get_state()
         assert len(state.recordings) == 1
         assert last_time_s(state) == pytest.approx(11.9)
