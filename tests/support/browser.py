@@ -40,6 +40,12 @@ class Page:
         said = self._call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         return said["result"].get("value")
 
+    def print_on(self, width_px: int) -> None:
+        """Lay the page out as for paper of this width."""
+        self.value("dispatchEvent(new Event('beforeprint'))")
+        self._call("Emulation.setEmulatedMedia", media="print")
+        self._call("Emulation.setDeviceMetricsOverride", width=width_px, height=1000, deviceScaleFactor=1, mobile=False)
+
     def _call(self, method: str, **parameters: object) -> Any:
         return self._loop.run_until_complete(self._answer(method, parameters))
 

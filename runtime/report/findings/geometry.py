@@ -178,9 +178,10 @@ def _radii(fit: Fit, causes: Sequence[Cause]) -> list[Finding]:
 
 
 def _evidence(cause: Cause, what: str, shown: float = 1e3, unit: str = "mm") -> str:
-    half = NORMAL_95 * cause.deviation * shown
+    off = float(f"{cause.value * shown:.3g}")  # the last digits say nothing, and people read no exponents
+    half = float(f"{NORMAL_95 * cause.deviation * shown:.2g}")
     return (
-        f"{what}: {cause.value * shown:+.3g} {unit} from the configured value, +- {half:.2g} (95 %); "
+        f"{what}: {off:+g} {unit} from the configured value, +- {half:g} (95 %); "
         f"{cause.significance:.1f} standard deviations, from matching scans against the wheels"
     )
 

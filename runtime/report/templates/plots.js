@@ -18,6 +18,18 @@ const show = (start, end) => {
   way.data = {x: inside.map(i => path.data.x[i]), y: inside.map(i => path.data.y[i])}
   window.rover_at(start)
 }
+const layers = node => [...(node.shadowRoot ? layers(node.shadowRoot) : []), ...[...node.children].flatMap(child =>
+  child.tagName == "CANVAS" ? [child] : layers(child))]
+addEventListener("beforeprint", () => document.querySelectorAll("[data-root-id]").forEach(drawing => {
+  const drawn = layers(drawing)
+  if (!drawn.length) return
+  const copy = document.createElement("canvas")  // paper is narrower than the window, and no plot is drawn anew for it
+  Object.assign(copy, {className: "printed", width: drawn[0].width, height: drawn[0].height})
+  copy.style.width = drawn[0].clientWidth + "px"
+  drawn.forEach(layer => layer.width && copy.getContext("2d").drawImage(layer, 0, 0))
+  drawing.before(copy)
+}))
+addEventListener("afterprint", () => document.querySelectorAll(".printed").forEach(copy => copy.remove()))
 document.querySelectorAll("button[data-start]").forEach(button => button.addEventListener("click", () => {
   show(+button.dataset.start, +button.dataset.end)
   document.getElementById("where").scrollIntoView({behavior: "smooth"})

@@ -20,9 +20,16 @@ from runtime.report.gather import gather
 from runtime.report.page import page
 from runtime.review.rebuild import drawn_meanwhile
 from slam.estimate import Recognition
+from tests.support.browser import browser, needs_chromium
 from tests.support.runtime.seeded_runs import FAULTS, seeded_facts
+from tests.support.zenoh.wire import until
 
 CHROMIUM = shutil.which("chromium")
+PAPER_PX = 700
+DRAWN = "document.readyState == 'complete' && Bokeh.index.roots.every(each => each.is_idle)"
+PRINTED = """[...document.querySelectorAll("[data-root-id]")].map(each => [each, each.previousElementSibling]).filter(
+    ([each, copy]) => getComputedStyle(each).display != "none" || copy.getBoundingClientRect().right > innerWidth
+    || !copy.getContext("2d").getImageData(0, 0, copy.width, copy.height).data.some(byte => byte)).length"""
 FRAME = (  # a window of its own cannot be narrower than 500 px
     "<!doctype html><body style='margin:0'><iframe style='border:0;width:{width}px;height:2000px' srcdoc=\"{page}\" "
     'onload="setTimeout(()=>{{const w=this.contentWindow,d=this.contentDocument,b=w.Bokeh,'
@@ -154,3 +161,15 @@ def test_the_page_fits_a_phone_and_a_desk_in_a_real_browser(run: Path, tmp_path:
     picture = tmp_path / "page.png"
     subprocess.run([*command, f"--screenshot={picture}", outer.as_uri()], capture_output=True, timeout=240, check=True)
     assert picture.stat().st_size > 20_000
+
+
+@pytest.mark.browser
+@needs_chromium
+def test_paper_shows_every_plot_to_its_right_edge(run: Path, tmp_path: Path) -> None:
+    build_report(run)
+    with browser(tmp_path / "chrome") as page:
+        page.open((run / "report.html").as_uri(), (1280, 900))
+        assert until(lambda: page.value(DRAWN), 60.0)
+        page.print_on(PAPER_PX)
+        assert page.value("document.querySelectorAll('.printed').length") > 8
+        assert page.value(PRINTED) == 0

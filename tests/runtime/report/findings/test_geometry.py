@@ -6,6 +6,7 @@ import pytest
 from runtime.calibrate.result import Calibration
 from runtime.calibrate.single_causes import Fit
 from runtime.report.facts import RunFacts
+from runtime.report.finding import Finding
 from runtime.report.findings.geometry import PLACES, geometry_findings
 from tests.support.runtime.seeded_runs import seeded_facts
 
@@ -19,6 +20,10 @@ def facts(tmp_path_factory: pytest.TempPathFactory) -> RunFacts:
 
 
 def _titles(facts: RunFacts, together: float = 0.0, **off: float) -> list[str]:
+    return [finding.title for finding in _findings(facts, together, **off)]
+
+
+def _findings(facts: RunFacts, together: float = 0.0, **off: float) -> list[Finding]:
     """Of a fit that lies off the start by so much; together: correlation of the radii."""
     values, correlations = START.copy(), np.eye(7)
     for name, share in off.items():
@@ -26,7 +31,7 @@ def _titles(facts: RunFacts, together: float = 0.0, **off: float) -> list[str]:
     correlations[0, 1] = correlations[1, 0] = together
     fit = Fit(tuple(PLACES), START, values, correlations * np.outer(DEVIATIONS, DEVIATIONS), 300)
     calibration = Calibration(("run",), (), (), (), 300, 0, 0, fit)
-    return [finding.title for finding in geometry_findings(replace(facts, calibration=calibration))]
+    return geometry_findings(replace(facts, calibration=calibration))
 
 
 def test_the_smaller_wheel_is_named_with_its_share(facts: RunFacts) -> None:
@@ -48,3 +53,8 @@ def test_both_wheels_together_are_a_matter_of_scale(facts: RunFacts) -> None:
 def test_a_sure_deviation_that_does_not_matter_is_no_finding(facts: RunFacts) -> None:
     assert not _titles(facts, laser_yaw_rad=0.008)
     assert _titles(facts, laser_yaw_rad=0.0314) == ["The laser is turned by +1.8 deg from its configured yaw"]
+
+
+def test_a_large_deviation_is_told_in_digits_that_people_read(facts: RunFacts) -> None:
+    (finding,) = _findings(facts, laser_x_m=-1.0613)
+    assert finding.evidence[0].startswith("laser ahead of the axle: -1060 mm from the configured value, +- 3.9 (95 %)")
