@@ -44,7 +44,7 @@ def run_info(run: Path) -> dict[str, Any]:
         segments.append(
             {
                 "name": path.name,
-                "state": "open" if is_being_written(path) else "closed" if facts else "not closed",
+                "state": _state(path, bool(facts) or not manifest.lines),
                 "bytes": path.stat().st_size,
                 "ticks": facts.get("ticks"),
                 "from_s": facts["first_ns"] * 1e-9 if facts else None,
@@ -159,6 +159,10 @@ def _by_tick(records: Iterator[Record]) -> Iterator[list[Record]]:
         group.append(record)
         has_tick |= record.topic == "/tick"
     yield group
+
+
+def _state(path: Path, may_be_closed: bool) -> str:
+    return "open" if is_being_written(path) else "closed" if may_be_closed and _has_end(path) else "not closed"
 
 
 def _has_end(path: Path) -> bool:

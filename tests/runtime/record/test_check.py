@@ -71,6 +71,13 @@ def test_a_run_that_is_being_recorded_is_read_up_to_now_and_not_called_damaged(t
     drive.end()
 
 
+def test_the_files_of_a_run_without_a_manifest_are_closed_if_they_have_their_end(tmp_path: Path) -> None:
+    for make, last in ((driven, "closed"), (killed, "not closed")):
+        folder = make(tmp_path / make.__name__)
+        folder.manifest_path.unlink()
+        assert [each["state"] for each in run_info(folder.path)["segments"]] == ["closed"] * 3 + [last]
+
+
 @pytest.mark.parametrize("make", [driven, killed])
 @pytest.mark.parametrize("spoil", [flip, zero])
 def test_a_damaged_page_is_reported_and_nothing_altered_is_returned(
