@@ -34,7 +34,9 @@ def ros2(
     rover: Rover = None,
     connect: Connect = None,
     zenoh_file: ZenohFile = None,
-    domain: Annotated[int, typer.Option("--domain", help="ROS_DOMAIN_ID of the nodes that are to see the rover")] = 0,
+    domain: Annotated[
+        int, typer.Option("--domain", envvar="ROS_DOMAIN_ID", help="domain of the nodes that are to see the rover")
+    ] = 0,
     interface: Annotated[str, typer.Option("--interface", help="network interface, for example wlan0")] = "lo",
     namespace: Annotated[
         str | None, typer.Option("--namespace", help="prefix of the topics; default: the rover's name; '' for none")

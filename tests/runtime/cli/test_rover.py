@@ -74,3 +74,9 @@ def test_status_prints_a_row_for_each_rover(rover: tuple[ZenohPublisher, str]) -
     assert until(answered), printed
     assert printed[0].split()[:3] == ["rover", "host", "state"]
     assert printed[1].split()[0] == "r1"
+
+
+def test_the_bridge_is_in_the_domain_of_the_nodes_that_are_started_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", "999")
+    refused = CliRunner().invoke(app, ["bridge", "ros2"])
+    assert "--domain 999: expected 0 to 232" in str(refused.exception)
