@@ -164,6 +164,6 @@ def start_warm() -> BenchFigure:
     times = []
     for _ in range(5):
         began_s = time.monotonic()
-        subprocess.run([sys.executable, "-c", program], check=True)
+        subprocess.run([sys.executable, "-c", program], check=True, start_new_session=True)
         times.append(time.monotonic() - began_s)
     return BenchFigure("start_warm", round(float(np.median(times)), 2), "s", round(max(times), 2))

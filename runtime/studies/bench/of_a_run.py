@@ -18,7 +18,8 @@ from runtime.errors import UsageError
 from runtime.studies.bench.figure import BenchFigure
 
 SMALL_PARENT = """
-import json, os, subprocess, sys
+import json, os, signal, subprocess, sys
+signal.signal(signal.SIGINT, signal.SIG_DFL)  # the command that it measures ends by Ctrl-C as well
 process = subprocess.Popen(sys.argv[1:], stdout=subprocess.DEVNULL)
 _, status, used = os.wait4(process.pid, 0)
 print(json.dumps((os.waitstatus_to_exitcode(status), used.ru_utime + used.ru_stime, used.ru_maxrss)))

@@ -2,6 +2,10 @@
 
 import ast
 import io
+import os
+import signal
+import subprocess
+import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -13,6 +17,7 @@ from runtime.cli.__main__ import app
 from runtime.errors import Interrupted
 from runtime.record.folder import RunFolder
 from runtime.source_tree import ROOT
+from runtime.studies.bench.of_a_run import SMALL_PARENT
 from runtime.studies.soak.soak import soak
 from tests.runtime.record.test_segments import driven
 
@@ -25,7 +30,10 @@ def children() -> dict[str, set[str]]:
     for package in ("drivers", "runtime", "slam"):
         for path in (ROOT / package).rglob("*.py"):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.Call) and ast.unparse(node.func) == "subprocess.Popen":
+                if isinstance(node, ast.Call) and (
+                    ast.unparse(node.func) == "subprocess.Popen"
+                    or (ast.unparse(node.func) == "subprocess.run" and "sys.executable" in ast.unparse(node))
+                ):
                     words = {ast.unparse(word) for word in node.keywords}
                     found[f"{path.relative_to(ROOT)}:{node.lineno}"] = words
     return found
@@ -57,3 +65,13 @@ def test_a_soak_that_is_stopped_before_its_first_tick_has_nothing_to_say(tmp_pat
     with pytest.raises(Interrupted, match="nothing is kept"):
         soak(ROOT / "config" / "mock.toml", 0.1, 10.0, tmp_path, [], stop, io.StringIO())
     assert list(tmp_path.iterdir()) == []
+
+
+def test_who_measures_a_command_ends_with_it_without_a_word() -> None:
+    command = [sys.executable, "-c", SMALL_PARENT, "sh", "-c", "echo here >&2; exec sleep 60"]
+    measuring = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    assert measuring.stderr is not None
+    assert measuring.stderr.readline() == "here\n"
+    os.killpg(measuring.pid, signal.SIGINT)
+    assert measuring.stderr.read() == ""
+    assert measuring.wait() == -signal.SIGINT
