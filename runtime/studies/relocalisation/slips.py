@@ -50,7 +50,8 @@ def slip_trial(
         rows.append((seen.stamp_ns * 1e-9, *rover.pose.as_array().tolist()))
         covariances.append(rover.covariance[:2, :2].copy())
     mount = configuration.slam.mount
-    figures = against_fixes(np.array(rows), np.array(covariances), truth.fixes, Pose2(mount.x_m, mount.y_m), joined)
+    laser, away = Pose2(mount.x_m, mount.y_m), slice(at, joined)
+    figures = against_fixes(np.array(rows), np.array(covariances), truth.fixes, laser, away)
     way_m = None if joined is None else round(drive.driven_m(at, joined), 1)
     return {"seed": seed, "at": at, "slip_m": round(math.hypot(slip.x_m, slip.y_m), 1), "joined_m": way_m} | {
         "early": int(early),
@@ -69,12 +70,18 @@ def drawn_slip(seed: int | None, scans: int) -> tuple[int, Pose2]:
 
 
 def against_fixes(
-    path: FloatArray, covariances: FloatArray, fixes: FloatArray, body_from_laser: Pose2, joined: int | None
+    path: FloatArray, covariances: FloatArray, fixes: FloatArray, body_from_laser: Pose2, away: slice
 ) -> Result:
-    """path (n, 4) of t s, x m, y m, heading rad with covariances (n, 2, 2); fixes (g, 3) of t s, x m, y m."""
+    """path (n, 4) of t s, x m, y m, heading rad with covariances (n, 2, 2); fixes (g, 3) of t s, x m, y m.
+
+    away: the scans from the slip to the recognition, without which the path is fitted: 70 m off for a while, they would
+    turn all of it.
+    """
     points = composed(poses_at(path, fixes[:, 0]), body_from_laser.as_array())[:, :2]
     known = np.isfinite(points[:, 0])
-    fit = rigid_fit(points[known], fixes[known, 1:3])
+    scans = np.searchsorted(path[:, 0], fixes[:, 0])
+    kept = known & ~np.isin(scans, np.arange(len(path))[away])
+    fit = rigid_fit(points[kept], fixes[kept, 1:3])
     fitted, places, stamps_s = fit.transform(points[known]), fixes[known, 1:3], fixes[known, 0]
     off = fitted - places
     turned = rotated(np.eye(2), fit.heading_rad).T
@@ -82,7 +89,7 @@ def against_fixes(
     spread = turned @ covariances[nearest] @ turned.T + GPS_SIGMA_M**2 * np.eye(2)
     squares = np.einsum("ni,ni->n", off, np.linalg.solve(spread, off[:, :, None])[:, :, 0])
     errors = np.hypot(*off.T)
-    after = errors[stamps_s >= path[joined, 0]] if joined is not None else np.zeros(0)
+    after = errors[scans[known] >= away.stop] if away.stop is not None else np.zeros(0)
     return {
         "trimmed_m": round(position_error(fitted, places).trimmed_rms_m, 3),
         "after_m": round(float(np.median(after)), 3) if len(after) else None,

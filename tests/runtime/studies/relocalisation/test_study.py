@@ -53,12 +53,23 @@ def test_errors_against_fixes_are_those_of_the_laser_after_a_rigid_fit() -> None
     points = way[:, :2] + np.column_stack((np.cos(way[:, 2]), np.sin(way[:, 2])))
     fixes = np.column_stack((times, Pose2(40.0, -3.0, 2.0).transform(points)))
     covariances = np.tile(np.diag((1.0, 0.01)), (50, 1, 1))
-    exact = against_fixes(path, covariances, fixes, laser, 10)
+    exact = against_fixes(path, covariances, fixes, laser, slice(10, 10))
     assert exact["trimmed_m"] < 1e-6
     assert exact["after_m"] < 1e-6
     fixes[20, 1:] += 30.0
-    assert against_fixes(path, covariances, fixes, laser, None)["after_m"] is None
-    assert against_fixes(path, covariances, fixes, Pose2(), 10)["trimmed_m"] > exact["trimmed_m"]
+    assert against_fixes(path, covariances, fixes, laser, slice(50, None))["after_m"] is None
+    assert against_fixes(path, covariances, fixes, Pose2(), slice(10, 10))["trimmed_m"] > exact["trimmed_m"]
+
+
+def test_a_stretch_at_a_wrong_pose_turns_no_other_part_of_the_path() -> None:
+    times = np.arange(50.0)
+    path = np.column_stack((times, times, 0.1 * times**2, np.zeros(50)))
+    fixes, covariances = path[:, :3].copy(), np.tile(np.eye(2), (50, 1, 1))
+    path[20:30, 1:3] += 70.0
+    figures = against_fixes(path, covariances, fixes, Pose2(), slice(20, 30))
+    assert figures["after_m"] < 1e-6
+    assert figures["nees_median"] < 1e-6
+    assert figures["trimmed_m"] > 10.0
 
 
 def test_slips_are_drawn_from_their_seed() -> None:
