@@ -11,6 +11,7 @@ import pytest
 from runtime.settings.configuration import load_configuration
 from runtime.source_tree import ROOT
 from runtime.studies.soak.stepped_drive import stepped_drive
+from tests.support.runtime.process_memory import held_mb
 
 DRIVEN_S = 26 * 60.0
 MOST_MB = 300.0
@@ -40,13 +41,3 @@ def test_the_review_of_a_long_run_fits_into_its_memory(tmp_path: Path) -> None:
     )
     assert tree.returncode == 0
     assert most_mb < MOST_MB
-
-
-def held_mb(pid: int) -> float:
-    """Memory of a process and its children, what they share counted once; 0 of what has ended."""
-    try:
-        rollup = Path(f"/proc/{pid}/smaps_rollup").read_text().split()
-        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    except OSError:
-        return 0.0
-    return int(rollup[rollup.index("Pss:") + 1]) * 1024e-6 + sum(held_mb(int(child)) for child in children)
