@@ -3,6 +3,7 @@
 Stamps are integers of host monotonic nanoseconds. Arrays are read-only.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Protocol
@@ -15,6 +16,8 @@ RangeArray = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 VerdictArray = NDArray[np.uint8]  # a verdict for each beam or feature
+
+LARGEST_SPAN_RAD = 4.0 * math.pi  # of one sweep: no laser looks twice round; in degrees every one would
 
 
 class DriverError(Exception):

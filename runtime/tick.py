@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from drivers.measurements import Event, ScanLike, WheelSample
+from drivers.measurements import Event, Scan, ScanLike, WheelSample
 from slam.estimate import AHEAD_NS, Estimate
 from slam.pose import Pose2
 
@@ -20,6 +20,11 @@ class Tick:
     scan: ScanLike | None
     wheels: tuple[WheelSample, ...]
     events: tuple[Event, ...] = ()
+
+    @property
+    def beams(self) -> int | None:
+        """How many its scan has, None without one."""
+        return self.scan.ranges_m.size if isinstance(self.scan, Scan) else None
 
 
 def of_its_time(tick: Tick) -> Tick:

@@ -3,6 +3,7 @@
 import os
 import sys
 import traceback
+import warnings
 from contextlib import suppress
 
 for stream in (0, 1, 2):  # where one is closed, the next file that is opened would get its number and its output
@@ -66,6 +67,8 @@ def main() -> None:
     """
     sys.stdout, sys.stderr = (stream or open(os.devnull, "w") for stream in (sys.stdout, sys.stderr))  # noqa: SIM115
     as_json = "--json" in sys.argv[1:]
+    if not sys.warnoptions:  # numpy warns of a stranger's 1e300, and nobody who reads it can do anything
+        warnings.simplefilter("ignore")
     begin_answering()
     try:
         end_of(as_json)

@@ -55,7 +55,7 @@ class ReviewProcess:
         self._renewing = False
         self._path = path
         self._latest_s = math.inf  # of time.monotonic
-        self._command = [sys.executable, "-m", "runtime.review", str(path), what]
+        self._command = [sys.executable, "-W", "ignore", "-m", "runtime.review", str(path), what]
         self._child = self._begin()
         self._thread = threading.Thread(target=self._send, name="review", daemon=True)
         self._thread.start()

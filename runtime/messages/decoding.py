@@ -1,6 +1,7 @@
 """Records of a file that anyone may have written: each is decoded, or refused in a sentence that names its place."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -24,8 +25,6 @@ from runtime.printable import printable
 
 Decoded = TypeVar("Decoded")
 DECODERS: dict[str, Callable[[bytes], Any]] = {
-    "/scan": decode_ranges_m,
-    "/estimate": decode_estimate,
     "/timing": decode_timing,
     "/state_hash": decode_state_hash,
     "/truth": decode_truth,
@@ -33,7 +32,7 @@ DECODERS: dict[str, Callable[[bytes], Any]] = {
     "/gap": decode_gap,
     "/raw/laser": decode_laser_bytes,
 }
-"""Topics of which more is made than their message; /tick also needs the scan before it."""
+"""Topics of which more is made than their message, by that alone."""
 
 
 def decoded(record: Record, decoder: Callable[[bytes], Decoded], place: str) -> Decoded:
@@ -47,17 +46,30 @@ def decoded(record: Record, decoder: Callable[[bytes], Decoded], place: str) -> 
         ) from error
 
 
-def check(record: Record, ranges_m: NDArray[np.float32] | None, place: str) -> NDArray[np.float32] | None:
-    """Decode a record for nothing but to see that it can be; topics that are not known pass.
-
-    ranges_m: of the scan before a tick; returned is what the next record needs. Raises NotARunError.
+@dataclass(slots=True)
+class Before:
+    """What a record is judged by. ranges_m: of a scan whose tick is still to come; beams: of the scan of the last tick,
+    None without one.
     """
-    if record.topic == "/tick":
-        decoded(record, lambda data: decode_tick(data, ranges_m), place)
-        return None
-    if record.topic in DECODERS:
-        value = decoded(record, DECODERS[record.topic], place)
-        return value if record.topic == "/scan" else ranges_m
-    if record.topic in TYPES:
-        decoded(record, lambda data: deserialize(TYPES[record.topic], data), place)
-    return ranges_m
+
+    ranges_m: NDArray[np.float32] | None = None
+    beams: int | None = None
+
+
+def check(record: Record, before: Before, place: str) -> None:
+    """Decode a record for nothing but to see that it can be; topics that are not known pass. Raises NotARunError.
+
+    before: changed to what the next record is judged by.
+    """
+    match record.topic:
+        case "/tick":
+            tick = decoded(record, lambda data: decode_tick(data, before.ranges_m), place)
+            before.ranges_m, before.beams = None, tick.beams
+        case "/scan":
+            before.ranges_m = decoded(record, decode_ranges_m, place)
+        case "/estimate":
+            decoded(record, lambda data: decode_estimate(data, before.beams), place)
+        case topic if topic in DECODERS:
+            decoded(record, DECODERS[topic], place)
+        case topic if topic in TYPES:
+            decoded(record, lambda data: deserialize(TYPES[topic], data), place)

@@ -1,10 +1,12 @@
 """The estimate to bytes and back: the pose and its covariance to the last bit, what a reviewer looks at as float32."""
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.messages.believed import pose_of, stamp_of
 from runtime.messages.tick import Record, decode, encode
 from slam.estimate import Estimate, LandmarkMap, Quality
 from slam.observations import Features
@@ -16,7 +18,8 @@ NO_BYTES = np.empty(0, np.uint8)
 
 
 def encode_estimate(estimate: Estimate) -> Record:
-    """One estimate."""
+    """One estimate; a count that is no number is left out."""
+    counts = {name: value for name, value in estimate.counts.items() if math.isfinite(value)}
     return encode(
         "/estimate",
         estimate.stamp_ns,
@@ -33,26 +36,32 @@ def encode_estimate(estimate: Estimate) -> Record:
         has_beam_verdicts=estimate.beam_verdicts is not None,
         beam_verdicts=NO_BYTES if estimate.beam_verdicts is None else np.ascontiguousarray(estimate.beam_verdicts),
         **_landmark_fields(estimate.landmarks),
-        count_names=list(estimate.counts),
-        count_values=np.array(list(estimate.counts.values()), np.float64),
+        count_names=list(counts),
+        count_values=np.array(list(counts.values()), np.float64),
     )
 
 
-def decode_estimate(data: bytes) -> Estimate:
-    """Back again; arrays that were float32 on disk are float64 of the same value."""
+def decode_estimate(data: bytes, beams: int | None = None) -> Estimate:
+    """Back again; arrays that were float32 on disk are float64 of the same value.
+
+    beams: of the scan that was judged, where it is known. Raises ValueError where the verdicts are on others, and
+    where a pose, a count or a stamp is none that can be computed with.
+    """
     message = decode("/estimate", data)
+    if message.has_beam_verdicts and beams not in (None, message.beam_verdicts.size):
+        raise ValueError(f"{message.beam_verdicts.size} verdicts on {beams} beams")
     with np.errstate(invalid="ignore"):  # a signalling NaN warns when it is made wider
         return _estimate(message)
 
 
 def _estimate(message: Any) -> Estimate:
     return Estimate(
-        stamp_ns=message.stamp_ns,
-        map_from_body=Pose2(*message.map_from_body.tolist()),
+        stamp_ns=stamp_of(message.stamp_ns),
+        map_from_body=pose_of(message.map_from_body),
         covariance=message.covariance.reshape(3, 3),
-        particle_mean=Pose2(*message.particle_mean.tolist()),
+        particle_mean=pose_of(message.particle_mean),
         particle_covariance=message.particle_covariance.reshape(3, 3),
-        odom_from_body=Pose2(*message.odom_from_body.tolist()),
+        odom_from_body=pose_of(message.odom_from_body),
         quality=Quality(message.quality),
         particles=message.particles.reshape(-1, 3).astype(np.float64) if message.has_particles else None,
         particle_weights=message.particle_weights.astype(np.float64) if message.has_particles else None,
@@ -68,12 +77,15 @@ def decode_poses(data: bytes) -> tuple[tuple[Pose2, Pose2, Pose2], dict[str, flo
     """Only map_from_body, particle_mean and odom_from_body, for whoever wants the trajectories, and the counts."""
     message = decode("/estimate", data)
     arrays = (message.map_from_body, message.particle_mean, message.odom_from_body)
-    published, particles, odometry = (Pose2(*array.tolist()) for array in arrays)
+    published, particles, odometry = map(pose_of, arrays)
     return (published, particles, odometry), _counts(message)
 
 
 def _counts(message: Any) -> dict[str, float]:
-    return dict(zip(message.count_names, message.count_values.tolist(), strict=True))
+    values = message.count_values.tolist()
+    if not all(map(math.isfinite, values)):
+        raise ValueError("a count that is not a number")
+    return dict(zip(message.count_names, values, strict=True))
 
 
 def _float64(array: NDArray[Any]) -> NDArray[np.float64]:

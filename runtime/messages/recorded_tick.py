@@ -31,7 +31,7 @@ class RecordedTick:
     @property
     def estimate(self) -> Estimate | None:
         """What the estimator said."""
-        return self._outcome("/estimate", decode_estimate)
+        return self._outcome("/estimate", lambda data: decode_estimate(data, self.tick.beams))
 
     @property
     def timing(self) -> Timing | None:

@@ -21,6 +21,7 @@ CDR_HEADER = b"\0\1\0\0"  # little-endian
 CAN_FRAME = struct.Struct("<4siI8sI???B8s")  # can_msgs/Frame packed at once: a log has millions of them
 CAN_ID = b"\4\0\0\0can\0"  # frame_id of its header
 LAST_NS = (2**31 - 1) * 1_000_000_000 + 999_999_999  # seconds are an int32
+QUIET = np.uint32(1 << 22)  # the bit of a float32 NaN that is not signalling
 UNKNOWN_VARIANCE = 1e6  # m^2, rad^2: nothing is claimed. A minus one means that in sensor_msgs/Imu only
 
 
@@ -54,6 +55,7 @@ def encode_scan(scan: Scan) -> Record:
 def decode_ranges_m(data: bytes) -> NDArray[np.float32]:
     """Ranges (N,) of a record of /scan, in memory of their own."""
     ranges_m: NDArray[np.float32] = decode("/scan", data).ranges.copy()
+    ranges_m.view(np.uint32)[np.isnan(ranges_m)] |= QUIET  # a signalling NaN of a stranger warns where it is widened
     return ranges_m
 
 

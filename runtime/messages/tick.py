@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import (
+    LARGEST_SPAN_RAD,
     Event,
     FloatArray,
     Scan,
@@ -19,6 +20,7 @@ from drivers.measurements import (
     Sightings,
     uniform_bearings,
 )
+from runtime.messages.believed import pose_of, stamp_of
 from runtime.messages.definitions import TYPES, construct, deserialize, serialize
 from runtime.messages.wheels import wheel_columns, wheel_samples
 from runtime.tick import Tick, Timing
@@ -26,6 +28,7 @@ from slam.pose import Pose2
 
 NOTHING, SCAN, SIGHTINGS = 0, 1, 2
 EMPTY: FloatArray = np.empty(0)
+FARTHEST_M, LONGEST_BEAM_S = 1e6, 1.0  # far beyond any laser; a NaN is beyond both
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +77,11 @@ def decode_tick(data: bytes, ranges_m: NDArray[np.float32] | None = None) -> Tic
     Its arrays are copies: views into a message stand off their natural alignment, and compiled kernels would be
     compiled a second time for them, with other instructions than on the drive.
 
-    Raises ValueError when the scan's ranges are missing.
+    Raises ValueError when the scan's ranges are missing, or its beams are those of no laser.
     """
     message = decode("/tick", data)
     wheels = wheel_samples(message.wheel_kinds, message.wheel_stamps_ns, message.wheel_values)
-    return Tick(message.seq, message.stamp_ns, _seen(message, ranges_m), wheels, _events(message))
+    return Tick(message.seq, stamp_of(message.stamp_ns), _seen(message, ranges_m), wheels, _events(message))
 
 
 def encode_timing(seq: int, stamp_ns: int, timing: Timing) -> Record:
@@ -120,7 +123,7 @@ def encode_truth(stamp_ns: int, map_from_body: Pose2) -> Record:
 
 def decode_truth(data: bytes) -> Pose2:
     """Back again."""
-    return Pose2(*decode("/truth", data).map_from_body.tolist())
+    return pose_of(decode("/truth", data).map_from_body)
 
 
 def encode_defect(stamp_ns: int, reason: str) -> Record:
@@ -231,15 +234,36 @@ def _seen(message: Any, ranges_m: NDArray[np.float32] | None) -> ScanLike | None
     bearings_rad = message.bearings_rad.copy()
     if bearings_rad.size == 0:
         bearings_rad = _bearings(message.bearing_first_rad, message.bearing_increment_rad, ranges_m.size)
-    return Scan(
-        message.seen_stamp_ns, ranges_m, bearings_rad, message.beam_period_s, message.stamp_beam, message.range_max_m
-    )
+    else:
+        _check_bearings(bearings_rad)
+    for name, figure, least, most in (
+        ("range_max_m", message.range_max_m, 0.0, FARTHEST_M),
+        ("beam_period_s", message.beam_period_s, -LONGEST_BEAM_S, LONGEST_BEAM_S),
+        ("stamp_beam", message.stamp_beam, 0, max(0, ranges_m.size - 1)),
+    ):
+        if not least <= figure <= most:
+            raise ValueError(f"{name} is {figure:g}, expected {least:g} to {most:g}")
+    stamp_ns = stamp_of(message.seen_stamp_ns)
+    return Scan(stamp_ns, ranges_m, bearings_rad, message.beam_period_s, message.stamp_beam, message.range_max_m)
 
 
 @lru_cache(maxsize=8)
 def _bearings(first_rad: float, increment_rad: float, count: int) -> FloatArray:
-    """The same array for every scan of a laser, as the driver has it."""
-    return uniform_bearings(first_rad, increment_rad, count)
+    """The same array for every scan of a laser, as the driver has it. Raises ValueError."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        bearings_rad = uniform_bearings(first_rad, increment_rad, count)
+    _check_bearings(bearings_rad)
+    return bearings_rad
+
+
+def _check_bearings(bearings_rad: FloatArray) -> None:
+    """Raises ValueError where they are not counter-clockwise within two turns; false for NaN and infinity."""
+    if bearings_rad.size and not (
+        abs(bearings_rad[0]) <= LARGEST_SPAN_RAD
+        and bearings_rad[-1] - bearings_rad[0] < LARGEST_SPAN_RAD
+        and (bearings_rad[1:] > bearings_rad[:-1]).all()
+    ):
+        raise ValueError("its bearings are not those of one sweep, counter-clockwise in radians")
 
 
 def exact_increment_rad(bearings_rad: FloatArray) -> float | None:

@@ -14,6 +14,7 @@ from runtime.publish.access import bound, command_trouble
 from runtime.settings.publish import PublishSettings
 
 LEASE_MS = 3000  # ms of silence after which a peer is taken for gone; zenoh's 10 s is long on Wi-Fi
+OPEN_MS = 3000  # that a tool waits for whoever accepts and says nothing; it may ask at six endpoints, one by one
 URGENT_WAITING = 16  # messages; zenoh's 2 lose one where a busy machine lets pose, odom and tf of a tick wait for 1 ms
 PORTS_TO_TRY = 20
 LARGEST_ANSWER = 16 << 20  # bytes that a tool takes from a rover: a map of 50 000 landmarks
@@ -56,6 +57,7 @@ def tool_config(endpoint: str, config_file: str | None = None) -> zenoh.Config:
     """
     config = _from_file("--zenoh", config_file) if config_file is not None else _silent(zenoh.Config())
     config.insert_json5("transport/link/rx/max_message_size", json.dumps(LARGEST_ANSWER))
+    config.insert_json5("transport/unicast/open_timeout", json.dumps(OPEN_MS))
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([endpoint]))
     config.insert_json5("connect/retry", RETRY)

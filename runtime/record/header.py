@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from runtime.errors import NotARunError
+from runtime.messages.believed import FAR_NS
 from runtime.printable import printable
 from runtime.record.folder import MOST_SEGMENTS
 from runtime.record.mcap_prefix import McapPrefix
@@ -127,7 +128,7 @@ class RunHeader:
             printable(facts["source"]),
             dict(metadata.get("versions", {})),
             facts["boot_id"],
-            int(offset_ns) if offset_ns else None,
+            int(offset_ns) if offset_ns and abs(int(offset_ns)) < FAR_NS else None,
             printable(facts["created_utc"]),
             facts["configuration_sha256"],
             dict(metadata.get("map", {})),

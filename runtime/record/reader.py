@@ -5,7 +5,7 @@ from itertools import groupby
 from pathlib import Path
 
 from runtime.errors import NotARunError
-from runtime.messages.decoding import check, decoded
+from runtime.messages.decoding import Before, check, decoded
 from runtime.messages.definitions import TYPES, deserialize
 from runtime.messages.recorded_tick import OUTCOMES, RecordedTick
 from runtime.messages.ros import decode_ranges_m
@@ -144,7 +144,7 @@ class RunReader:
 
     def _believable(self, file: McapPrefix, topics: Collection[str] | None) -> Iterator[Record]:
         """Records of one file; with `tolerant` a gap in place of ticks that say nothing and of what came of them."""
-        ranges_m, wrong, skips = None, 0, False
+        before, wrong, skips = Before(), 0, False
         for topic, log_ns, data in file.messages(topics):
             record = Record(topic, min(log_ns, FAR), data)
             begins = topic in ("/scan", "/tick")
@@ -152,12 +152,12 @@ class RunReader:
                 if topic in TYPES and not data.startswith(CDR_HEADER):
                     decoded(record, lambda data: deserialize(TYPES[topic], data), self.place)  # noqa: B023 called here
                 if self._tolerant:
-                    ranges_m = check(record, ranges_m, self.place)
+                    check(record, before, self.place)
             except NotARunError as error:
                 if not self._tolerant:
                     raise
                 self._losses += [str(error)] if len(self._losses) < MOST_LOSSES else []
-                ranges_m = None
+                before = Before()
                 wrong, skips = wrong + (topic == "/tick"), skips or topic == "/tick"
                 continue
             if begins and wrong:

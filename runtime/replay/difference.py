@@ -82,7 +82,7 @@ def _difference(name: str, was: Any, now: Any) -> str:
     if isinstance(was, float) and isinstance(now, float):
         equal = np.float64(was).tobytes() == np.float64(now).tobytes()
     else:
-        equal = was == now
+        equal = type(was) is type(now) and was == now  # None beside an array, which == would compare one by one
     return "" if equal else f"{name} is {now!r}, recorded {was!r}"
 
 

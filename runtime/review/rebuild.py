@@ -76,7 +76,7 @@ def drawn_meanwhile(run: Path, out_rrd: Path) -> Iterator[Callable[[str], None]]
 
     Where none is given, or something is raised inside, no picture is left. Raises what build_review does.
     """
-    command = [sys.executable, "-m", "runtime.review.rebuild", str(run), str(out_rrd)]
+    command = [sys.executable, "-W", "ignore", "-m", "runtime.review.rebuild", str(run), str(out_rrd)]
     with subprocess.Popen(
         command,
         stdin=subprocess.PIPE,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.measurements import BoolArray
+from drivers.measurements import LARGEST_SPAN_RAD, BoolArray
 from runtime.errors import DataSetError
 from runtime.importers.parsing.clock_steps import longest_rising
 from runtime.importers.parsing.left_out import LeftOut
@@ -56,7 +56,6 @@ GROUPS: dict[str, dict[str, Columns]] = {
 KNOWN = frozenset(name for group in GROUPS.values() for name in group)
 BEAMS = ("scan_angle_min", "scan_angle_increment", "scan_beams")
 MAY_BE_NAN = ("ranges",)
-LARGEST_SPAN_RAD = 4.0 * math.pi  # no laser looks twice round; in degrees every one would
 LARGEST = 1e12
 WITHIN = {
     "angle_min": (-LARGEST_SPAN_RAD, LARGEST_SPAN_RAD),

@@ -67,11 +67,11 @@ def scans(draw: st.DrawFn) -> Scan:
     beams = draw(lengths)
     ranges_m = draw(arrays(np.float32, beams, elements=st.floats(width=32)))
     if draw(st.booleans()):
-        bearings_rad = uniform_bearings(draw(st.floats(-4, 4)), draw(st.floats(-0.1, 0.1)), beams)
+        bearings_rad = uniform_bearings(draw(st.floats(-4, 4)), draw(st.floats(1e-6, 0.1)), beams)
     else:
-        bearings_rad = draw(arrays(np.float64, beams, elements=st.floats(-4, 4)))
-    period_s, range_max_m = draw(st.floats(0, 1)), draw(st.floats(0, 1e6))
-    return Scan(draw(stamps), ranges_m, bearings_rad, period_s, draw(st.integers(0, 9999)), range_max_m)
+        bearings_rad = np.sort(draw(arrays(np.float64, beams, elements=st.floats(-4, 4), unique=True)))
+    period_s, range_max_m = draw(st.floats(-1, 1)), draw(st.floats(0, 1e6))
+    return Scan(draw(stamps), ranges_m, bearings_rad, period_s, draw(st.integers(0, max(0, beams - 1))), range_max_m)
 
 
 @st.composite

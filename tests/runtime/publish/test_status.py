@@ -1,6 +1,8 @@
 """Whoever asks over the wire learns how each rover is."""
 
 import math
+import socket
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -87,6 +89,16 @@ def test_nobody_there_is_an_empty_answer_in_bounded_time() -> None:
     port = free_port()
     assert fetch_status([f"tcp/127.0.0.1:{port}"], timeout_s=0.3) == []
     assert str(port) in silence_sentence([f"tcp/127.0.0.1:{port}"])
+
+
+def test_who_accepts_and_says_nothing_is_not_waited_for_as_long_as_zenoh_would() -> None:
+    """Ten seconds at each of six endpoints, while nobody says why."""
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen()
+        began_s = time.monotonic()
+        assert fetch_status([f"tcp/127.0.0.1:{silent.getsockname()[1]}"]) == []
+        assert time.monotonic() - began_s < 9.0
 
 
 def test_watching_sees_a_rover_come_and_go() -> None:

@@ -1,12 +1,14 @@
 """Commands of `infant` on files of others, many in one process, and whether one of them was hurt.
 
-Hurt is: exit code 70 or none, more than 10 s of the processor, a thread that is left behind, more than 300 MB.
+Hurt is: exit code 70 or none, more than 10 s of the processor, a thread that is left behind, more than 300 MB, and a
+warning of a library, which tells the reader of a journal nothing.
 """
 
 import contextlib
 import io
 import multiprocessing
 import os
+import re
 import resource
 import signal
 import sys
@@ -28,7 +30,8 @@ WAITING_S = 300.0  # without using the processor, on a machine that does other t
 MOST_MB = 300.0
 BATCH = 100  # files in one process
 DEFECT = 70
-HURTS = ("exit 70", "hang", "memory", "thread")
+HURTS = ("exit 70", "hang", "memory", "thread", "warning")
+WARNING = re.compile(r".*\w+Warning: .*")
 Words = list[str]
 Make = Callable[[Random, Path], Words]
 """Writes a file, or several, into a folder and says with which command of infant it is tried."""
@@ -110,6 +113,8 @@ def _try(make: Make, seed: int, folder: Path, tally: Tally) -> None:
         tally.hurt["exit 70"].append(f"{case}: {' | '.join(said.getvalue().strip().splitlines()[-3:])}")
     if code == -1 or used_s > LONGEST_S:
         tally.hurt["hang"].append(f"{case}: {used_s:.0f} s {said.getvalue().strip()[-400:]}")
+    if warning := WARNING.search(said.getvalue()):
+        tally.hurt["warning"].append(f"{case}: {warning[0]}")
     left = [thread for thread in threading.enumerate() if thread not in before and not thread.daemon]
     if left:
         tally.hurt["thread"].append(f"{case}: {left} left behind")

@@ -1,9 +1,15 @@
 """Files as somebody careless or hostile may leave them: drawn by a seed, so that each can be made again."""
 
+import dataclasses
 import random
 import struct
 from collections.abc import Sequence
+from typing import Any
 
+import numpy as np
+from rosbags.serde import SerdeError
+
+from runtime.messages.definitions import TYPES, deserialize, serialize
 from runtime.messages.tick import Record
 
 WORDS = (
@@ -47,6 +53,7 @@ NUMBERS = (
     *(b"\0" * 8, b"\xff" * 8, struct.pack("<q", 1 << 62), struct.pack("<q", -(1 << 62))),
     *(struct.pack("<d", value) for value in (float("nan"), float("inf"), 1e300, -1e300, 5e-324)),
     *(struct.pack("<i", value) for value in (-1, 100, 1_000_000, 2**31 - 1)),
+    *(struct.pack("<I", 0x7F800001), struct.pack("<Q", 0x7FF0000000000001)),  # signalling NaN
 )
 
 
@@ -98,6 +105,68 @@ def mutated_bytes(rng: random.Random, content: bytes) -> bytes:
     return bytes(data)
 
 
+FIGURES = (*(float(number) for number in ("nan", "inf", "-inf", "0", "-1", "1e300", "3e38", "5e-324", "4e9")), 2.0**62)
+SIGNALLING = np.array([0x7FF0000000000001], np.uint64).view(np.float64)  # a NaN that warns where it is made wider
+SIGNALLING_32 = np.array([0x7F800001], np.uint32).view(np.float32)
+
+
+def mutated_message(rng: random.Random, record: Record) -> Record:
+    """A message that says another thing in one or two of its fields, as its type allows."""
+    name = TYPES.get(record.topic)
+    if name is None:
+        return record
+    try:
+        message = deserialize(name, record.data)
+    except ValueError:  # changed before, into no message
+        return record
+    for _ in range(rng.choice((1, 1, 2))):
+        field = rng.choice([field.name for field in dataclasses.fields(message) if field.name != "__msgtype__"])
+        setattr(message, field, _odd(rng, getattr(message, field)))
+    try:
+        with np.errstate(all="ignore"):
+            return dataclasses.replace(record, data=serialize(name, message))
+    except (SerdeError, ValueError, TypeError, OverflowError, struct.error, AssertionError):  # what no message can say
+        return record
+
+
+def _odd(rng: random.Random, value: Any) -> Any:
+    match value:
+        case np.ndarray():
+            return _odd_array(rng, value.copy())
+        case bool():
+            return not value
+        case int():
+            return rng.choice((0, 1, -1, 2, 255, 2**31 - 1, -(2**31), 2**62, -(2**62), value + 1))
+        case float():
+            return rng.choice((*FIGURES, float(SIGNALLING[0])))
+        case str():
+            return rng.choice(("", "\x1b[2J\n", "a" * 10_000, "\ufeff\u202e"))
+        case list():
+            return rng.choice((value[:-1], value * 2, []))
+    return value
+
+
+def _odd_array(rng: random.Random, array: "np.ndarray[Any, Any]") -> "np.ndarray[Any, Any]":
+    kind = rng.randrange(4)
+    if array.size == 0:
+        return np.zeros(rng.choice((1, 3, 1081)), array.dtype)
+    if kind == 0:
+        return array[: rng.randrange(array.size + 1)]
+    if kind == 1:
+        return np.concatenate((array, array[: rng.choice((1, 3, array.size))]))
+    if kind == 2 and array.size > 1:
+        return np.ascontiguousarray(array[::-1])
+    at = slice(None) if rng.random() < 0.5 else rng.randrange(array.size)
+    if array.dtype.kind == "f":
+        odd: Any = SIGNALLING_32 if array.dtype.itemsize == 4 else SIGNALLING
+        with np.errstate(all="ignore"):
+            array[at] = odd[0] if rng.random() < 0.3 else rng.choice(FIGURES)
+    else:
+        limits = np.iinfo(array.dtype)
+        array[at] = rng.choice((0, 1, int(limits.min), int(limits.max)))
+    return array
+
+
 def mutated_ticks(rng: random.Random, ticks: Sequence[list[Record]]) -> list[list[Record]]:
     """Ticks as records, up to three of which say something else; written again, all their checksums are right."""
     mutated = [list(records) for records in ticks]
@@ -108,5 +177,8 @@ def mutated_ticks(rng: random.Random, ticks: Sequence[list[Record]]) -> list[lis
             wanted = rng.choice(("/tick", "/scan", "/estimate"))
             at = next((place for place, record in enumerate(records) if record.topic == wanted), at)
         record = records[at]
-        records[at] = Record(record.topic, record.stamp_ns, mutated_bytes(rng, record.data))
+        if rng.random() < 0.5:
+            records[at] = mutated_message(rng, record)
+        else:
+            records[at] = Record(record.topic, record.stamp_ns, mutated_bytes(rng, record.data))
     return mutated

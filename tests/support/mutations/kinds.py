@@ -37,6 +37,23 @@ x_m = 0.3
 """
     + VEHICLE
 )
+NETWORK = (  # without sensors a configuration is for recorded data, and its network is not looked at
+    """
+[laser]
+url = "tcp://127.0.0.1:10940"
+[encoders.bus]
+interface = "virtual"
+channel = "x"
+[publish]
+listen = []
+connect = []
+config_file = "{file}"
+commands = true
+[slam.mount]
+x_m = 0.3
+"""
+    + VEHICLE
+)
 CLOSED = {"kind": "segment", "name": "run.mcap", "number": 1, "bytes": 1, "sha256": "", "ticks": 1}
 MANIFEST: tuple[dict[str, Any], ...] = (
     {"kind": "run", "created_utc": ""},
@@ -82,7 +99,7 @@ def recording(rng: Random, folder: Path) -> Words:
         )
         more = ["--at-rest"] if rng.random() < 0.3 else []
         return ["import", str(folder / "recording"), "--out", str(folder / "run"), *more]
-    path, config = folder / kind, folder / "rover.toml"
+    path, config = folder / (f"{kind}.json5" if kind == "zenoh" else kind), folder / "rover.toml"
     if kind == "map":
         path.write_bytes(mutated_bytes(rng, _map()))
         return [
@@ -91,7 +108,7 @@ def recording(rng: Random, folder: Path) -> Words:
         ]
     path.write_bytes(mutated_text(rng, _description(kind), descriptions()))
     if kind == "zenoh":
-        config.write_text(f'[publish]\nlisten = []\nconnect = []\nconfig_file = "{path}"\ncommands = true\n')
+        config.write_text(NETWORK.format(file=path))
     elif kind == "eds":
         config.write_text(DESCRIBED.format(kind="cia406", file=path, more="left_node = 1\nright_node = 2"))
     else:
