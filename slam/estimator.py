@@ -98,8 +98,7 @@ class Estimator:
         scan = self._settings.mount.upright(scan)
         if self._scan_clock.last_ns is None:
             increment = replace(increment, covariance=np.zeros((3, 3)))  # the map begins here, wherever that is
-        self._scan_clock.last_ns = scan.stamp_ns
-        moved = (self._particles.scans, self._joint.moves)
+        self._scan_clock.last_ns, moved = scan.stamp_ns, (self._particles.scans, self._joint.moves)
         try:
             return self._scan_step(stamp_ns, scan, increment)
         except Exception as error:
@@ -130,7 +129,7 @@ class Estimator:
 
     def _scan_step(self, stamp_ns: int, scan: ScanLike, by_wheels: Increment) -> Estimate:
         """The step of the paper, one stage after the other."""
-        measured = increment = self._alignment.refine(scan, by_wheels)
+        measured = increment = self._alignment.refine(scan, by_wheels, self._keyframes.know)
         before = self._joint.map_from_body
         self._joint.predict(increment.mean, increment.covariance)
         laid = self._alignment.laid
@@ -158,14 +157,15 @@ class Estimator:
         # the joint Gaussian, whose pose is published, and whether it can be believed
         confidence = Confidence(self._quality.settled_before, self._quality.map_is_kept)
         matched = self._joint.observe(rows, outcome.matches, sight, confidence, alone_m=self._alignment.alone_m)
-        evidence, lies = self._joint.evidence, False
-        if not self._quality.is_doubted:
+        evidence, quality = self._joint.evidence, self._quality
+        if not quality.is_doubted:
             self._view.learn(evidence.found, evidence.missed)
             if laid is not None:
                 self._keyframes.keep(laid)
-        if laid is not None and self._quality.doubts(evidence):
-            lies = self._keyframes.lies_on(laid, self._quality.settled_before)
-        self._quality.add(scan.stamp_ns, evidence, seen_share, lies_on_map=lies, rolling_s=by_wheels.rolling_s)
+        lies = laid is not None and quality.doubts(evidence) and self._keyframes.lies_on(laid, quality.settled_before)
+        quality.add(scan.stamp_ns, evidence, seen_share, lies_on_map=lies, rolling_s=by_wheels.rolling_s)
+        if self._alignment.is_torn and evidence.against >= 0.0:
+            quality.tear()
         self._mark("joint")
 
         # the way back, where the pose is in doubt or a place may be known

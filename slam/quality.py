@@ -57,7 +57,7 @@ class QualityMonitor:
         self._silence_is_blind = silence_is_blind
         self._settings = settings
         self._score = 0.0
-        self._lost = False
+        self._lost = self._is_torn = False
         self._square = CONSISTENT
         self._known = self._found = 0.0
         self._scans = self._trusted_scans = scans
@@ -98,6 +98,7 @@ class QualityMonitor:
     def restart(self, stamp_ns: int) -> None:
         """The pose was recognised: doubts about the one before are none about it."""
         self._score, self._lost, self._square = 0.0, False, CONSISTENT
+        self._is_torn = False
         self._known = self._found = 0.0
         self._trusted_scans = self._scans
         self._support(stamp_ns)
@@ -142,9 +143,11 @@ class QualityMonitor:
         lies_on_map: bool = False,
         rolling_s: float = math.inf,
     ) -> None:
-        """What one scan said. seen_before_share: of the beams that could be compared with earlier scans, how many saw
-        the same; None where none could. lies_on_map: as a whole it lies on the map where the pose says, and then what
-        is missed is wrong in the map. rolling_s: for how long the wheels turned since the scan before; inf: unknown.
+        """What one scan said.
+
+        seen_before_share: of the beams that could be compared with earlier scans, how many saw the same; None where
+        none could. lies_on_map: as a whole it lies on the map where the pose says, and then what is missed is wrong in
+        the map. rolling_s: for how long the wheels turned since the scan before; inf: unknown.
         """
         settings = self._settings
         since_s = 0.0 if self._scanned_ns is None else (stamp_ns - self._scanned_ns) * 1e-9
@@ -159,6 +162,7 @@ class QualityMonitor:
         if self._score < 0.1:
             self._score = 0.0
         self._lost = self._score >= settings.lost_score or (self._lost and self._score > 0.0)
+        self._is_torn = self._is_torn and self._lost
         if evidence.found > 0:
             self._square += SMOOTHING * (evidence.square - self._square)
         if evidence.known > 0:
@@ -176,6 +180,10 @@ class QualityMonitor:
             if not self._silence_is_blind and self._blind_scans == 0:
                 self._support(stamp_ns)
             self._blind_scans += 1
+
+    def tear(self) -> None:
+        """The latest scan fits nowhere near where the one before was taken: no motion leads on from there."""
+        self._score, self._lost, self._is_torn = CEILING * self._settings.lost_score, True, True
 
     def _support(self, stamp_ns: int) -> None:
         self._supported_ns, self._blind_rolling_s, self._blind_scans = stamp_ns, 0.0, 0
@@ -202,6 +210,8 @@ class QualityMonitor:
         against = f"landmarks are not where they should be: found {evidence.found}, missed {evidence.missed}"
         blind = f"nothing on the map is seen: for {blind_s:.1f} s"
         wide = f"the position is not known well enough: sigma {deviation_m:.1f} m"
+        if self._is_torn:
+            return Judgement(Quality.LOST, "the rover is not where it was: a scan fits nowhere near the one before")
         if self._lost:
             return Judgement(Quality.LOST, against)
         if self._blind_rolling(stamp_ns, rolling_s) > max(settings.lost_blind_s, LOST_GAPS * gap_s):
@@ -237,7 +247,7 @@ class QualityMonitor:
         scanned = -1 if self._scanned_ns is None else self._scanned_ns
         sums = (self._score, self._square, self._known, self._found, self._usual_gap_s, self._blind_rolling_s)
         counts = (self._scans, self._trusted_scans, self._blind_scans, supported, scanned)
-        return struct.pack("<6d?5q", *sums, self._lost, *counts)
+        return struct.pack("<6d??5q", *sums, self._lost, self._is_torn, *counts)
 
     def _blind_rolling(self, stamp_ns: int, rolling_s: float) -> float:
         """How much of the time since the last support the rover moved, or may have."""

@@ -17,7 +17,7 @@ from slam.front_end.alignment_kernels import EarlierScans, surface_normals
 from slam.front_end.alignment_search import GATE_LAST_M, Search, same_directions
 from slam.front_end.deskew import Beams, Twist, deskew, sharp_to_m
 from slam.front_end.differencing import LEAST_SUPPORT, OLDEST_S
-from slam.front_end.wide_search import Found, View, WideSearch
+from slam.front_end.wide_search import Found, Known, View, WideSearch, unknown
 from slam.odometry.odometry import Increment
 from slam.odometry.slip import corrected, is_too_far
 from slam.odometry.trust import WheelTrust
@@ -36,6 +36,7 @@ NEED_AMONG_WALLS_M = 0.1  # the same where a scan shows surfaces, onto which it 
 LAID_ALONE_M, WALLS_ALONE_M = 0.1, 0.27  # above the latter, a landmark's gate of 3.7 sigma reaches the next door frame
 USUALLY, WALLS_GAIN = 0.5, 0.1  # of the last ten scans have shown walls
 WALLS_SHARE = 0.8  # of the returns of a scan that lie on surfaces there: trees have half of them
+TORN_SHARE = 0.2  # so many points fewer, under the best motion too: 0.24 to 0.58 where a rover was carried, else 0.11
 UNUSUAL_SHARE = 0.15  # so many points fewer than usual on surfaces of the scan before say that the wheels are wrong
 FIRST_USUAL_SHARE, USUAL_GAIN = 0.9, 0.05
 NEED_RANGE_M = 10.0  # at this distance: what a wrong heading moves
@@ -70,6 +71,7 @@ class Alignment:
     refined: how many increments it has refined; found_widely: how many of them by the wide search, made last at
     searched_ns. laid: the beams of the latest scan where it was laid onto others, or is_due to be laid onto keyframes,
     for what good wheels add up to; else None. is_disputed: it contradicts the wheels, and neither is clearly right.
+    is_torn: it lies on the scans before under no motion, though walls were seen: the rover is somewhere else.
     """
 
     def __init__(self, settings: FrontEndSettings, body_from_laser: Pose2) -> None:
@@ -82,8 +84,9 @@ class Alignment:
         self.searched_ns: int | None = None
         self.refined = self.found_widely = 0
         self.laid: Beams | None = None
-        self.is_disputed = self.is_due = self._could_be_laid = False
+        self.is_disputed = self.is_due = self.is_torn = self._could_be_laid = False
         self._since_laid, self._usual_walls = np.zeros((3, 3)), 0.0
+        self._known: Known = unknown
 
     @property
     def alone_m(self) -> float:
@@ -92,12 +95,14 @@ class Alignment:
             return WALLS_ALONE_M
         return LAID_ALONE_M if self.laid is not None or self.is_disputed else math.inf
 
-    def refine(self, scan: ScanLike, increment: Increment) -> Increment:
-        """The increment up to this scan, better known where that is needed, as it is elsewhere.
+    def refine(self, scan: ScanLike, increment: Increment, known: Known = unknown) -> Increment:
+        """The increment up to this scan, better known where that is needed, as it is elsewhere. Where the map has the
+        scan known where the wheels say, it is not looked for far from there.
 
         Shown every scan once and in order. Raises ValueError when the bearings of a sparse scan do not increase.
         """
         self.laid, self.is_disputed, self.is_due, self._could_be_laid = None, False, False, False
+        self.is_torn, self._known = False, known
         if not self._settings.alignment.enabled or not isinstance(scan, Scan) or scan.ranges_m.size < 2:
             return increment
         now = SeenFrom(scan, Twist(increment.speed_mps, increment.lateral_mps, increment.yaw_rate_radps), Pose2())
@@ -195,11 +200,12 @@ class Alignment:
             if not only_if_slipped:  # else it was looked for where slipped wheels may have left it
                 found = self._found_turned(search, increment, covariance, share)
             if found is None and self._usual_fit - share > POOR_SHARE:
-                found = self._found_widely(now, search, increment.mean)
+                found = self._found_widely(now, search, increment.mean, covariance)
             if found is not None and not (only_if_slipped and is_too_far(increment, found.motion)):
                 self.refined += 1
                 self.laid = self._beams(now)
                 return corrected(increment, found.motion, found.information, suspected=only_if_slipped)
+        self.is_torn = only_if_slipped and not increment.at_rest and self._usual_share - share > TORN_SHARE
         if not only_if_slipped:
             self._usual_fit += USUAL_GAIN * (share - self._usual_fit)
         off = motion - prior
@@ -229,7 +235,7 @@ class Alignment:
         is_usual = its_share > max(share + SLIP_GAIN, self._usual_fit - UNUSUAL_SHARE)
         return Found(motion, information, its_share) if is_usual else None
 
-    def _found_widely(self, now: SeenFrom, search: Search, prior: FloatArray) -> Found | None:
+    def _found_widely(self, now: SeenFrom, search: Search, prior: FloatArray, covariance: FloatArray) -> Found | None:
         """The motion where the scan lies nowhere near the place that the wheels say, but clearly at another; looked
         for at most once in WIDE_PAUSE_NS.
         """
@@ -238,6 +244,8 @@ class Alignment:
         self.searched_ns = now.scan.stamp_ns
         views = [View.of(self._beams(seen)) for seen in (now, self._past[-1])]
         found = WideSearch(search, views[0], views[1], self._body_from_laser).best(prior)
+        if found is not None and self._known(self._beams(now), prior, covariance):
+            found = None
         self.found_widely += found is not None
         return found
 

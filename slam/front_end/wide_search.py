@@ -5,6 +5,7 @@ refined, and judged by what both scans could see: a return in what the other sca
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -96,6 +97,15 @@ class Found(NamedTuple):
     motion: FloatArray
     information: FloatArray
     share: float
+
+
+Known = Callable[[Beams, FloatArray, FloatArray], bool]
+"""Whether a map knows the scan near a motion (3,) with its covariance (3, 3) from where the rover was."""
+
+
+def unknown(_beams: Beams, _motion: FloatArray, _covariance: FloatArray) -> bool:
+    """There is no map."""
+    return False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,7 +19,7 @@ MOUNT_M, MOUNT_RAD = 0.03, 0.01  # what the mount and the sweep may be off by: t
 LEAST_POINTS, LEAST_SHARE = 30, 0.5  # on surfaces of the keyframe
 LARGEST_SQUARE = 50.0  # of a fit that contradicts the filter; farther off it is another place that looks alike
 DOUBTED_M = 2.0  # way on which a fit that contradicts the filter waits for a second one
-HERE = Pose2()
+HERE, STANDS = Pose2(), np.zeros((3, 3))
 
 
 class Fits:
@@ -58,12 +58,14 @@ class Fits:
             return laid
         return None
 
-    def lay(self, number: int, points_m: FloatArray, off: Pose2 = HERE) -> Laid | None:
+    def lay(self, number: int, points_m: FloatArray, off: Pose2 = HERE, moved: FloatArray = STANDS) -> Laid | None:
         """Lay points (p, 2), body frame, onto a keyframe; None where the search could end in the wrong place.
 
-        off: from the pose of the joint Gaussian, where the body is looked for.
+        off: from the pose of the joint Gaussian, where the body is looked for. moved (3, 3): covariance of the motion
+        since then.
         """
         seen, covariance = self._joint.from_keyframe(number)
+        covariance = covariance + moved
         spread = np.diag(covariance)
         if math.sqrt(spread[0] + spread[1]) > WIDEST_M or math.sqrt(spread[2]) > WIDEST_RAD:
             return None

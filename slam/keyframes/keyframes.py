@@ -170,6 +170,15 @@ class Keyframes:
         least_known = eigen((laid.information - laid.held)[:2, :2])[0][0]
         return bool(laid.lies and least_known * LYING_M * LYING_M >= 1.0)
 
+    def know(self, beams: Beams, motion: FloatArray, covariance: FloatArray) -> bool:
+        """Whether the scan lies on the nearest keyframe after a motion (3,) with that covariance (3, 3)."""
+        points, off = self.thinned(beams), Pose2(*motion.tolist())
+        apart = self._apart(composed(self._joint.from_keyframes(), motion))
+        if len(points) < LEAST_POINTS or not np.isfinite(apart).any():
+            return False
+        laid = self._fits.lay(int(np.argmin(apart)), points, off, covariance)
+        return laid is not None and laid.lies
+
     def forget_from(self, number: int) -> None:
         """Forget the keyframes from this number on: they were not taken where the map has them."""
         del self._keyframes[number:]

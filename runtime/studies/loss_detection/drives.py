@@ -133,10 +133,10 @@ def blinded(
 
 
 class WheelReadings:
-    """What the encoders count along the ordinary path, slip included."""
+    """What the encoders count along a path, the ordinary one where no other is given, slip included."""
 
-    def __init__(self, settings: WorldSettings) -> None:
-        self._path = RoverPath(settings.drive)
+    def __init__(self, settings: WorldSettings, path: RoverPath | None = None) -> None:
+        self._path = RoverPath(settings.drive) if path is None else path
         generator = np.random.default_rng([settings.seed, WHEEL_STREAM])
         self._wheels = tuple(WheelOdometer(SimulatedWheelSettings(), 1.0, generator) for _ in range(2))
         self._next_ns = 0

@@ -13,6 +13,7 @@ from slam.front_end import alignment_search
 from slam.front_end.alignment import LAID_ALONE_M, WALLS_ALONE_M, Alignment
 from slam.front_end.alignment_kernels import EarlierScans
 from slam.front_end.alignment_search import Search
+from slam.front_end.deskew import Beams
 from slam.odometry.odometry import Increment, Odometry
 from slam.pose import Pose2
 from slam.settings.front_end import FrontEndSettings
@@ -212,6 +213,30 @@ def test_where_neither_wheels_nor_scan_are_clearly_right_either_may_be(stops: li
     assert alignment.laid is None
     assert alignment.alone_m == LAID_ALONE_M
     assert math.sqrt(told.covariance[2, 2]) > 0.1
+
+
+def test_what_the_map_knows_where_the_wheels_say_is_not_looked_for_far_from_there(stops: list[Stop]) -> None:
+    """A room that looks the same turned by 80 deg, after two scans that were lost: the map has more than one scan."""
+    lines, pose = ring_of_corridors(1), stops[0].map_from_body
+    claimed = replace(MOVED, mean=np.array((0.1, 0.0, 0.0)), covariance=np.diag((0.02, 0.02, 0.03)) ** 2)
+    asked: list[FloatArray] = []
+    for knows in (False, True):
+        alignment = Alignment(settings_of(), MOUNT)
+
+        def known(_beams: Beams, motion: FloatArray, covariance: FloatArray, knows: bool = knows) -> bool:
+            asked.append(np.concatenate((motion, np.sqrt(np.diag(covariance)))))
+            return knows
+
+        for step, turn_deg in enumerate((0.0, 0.0, 0.0, 0.0, 60.0)):
+            pose_now = pose @ Pose2(0.1 * step, 0.0, math.radians(turn_deg))
+            ranges = ranges_of(pose_now @ MOUNT, lines).astype(np.float32)
+            told = alignment.refine(
+                replace(stops[0].scan, stamp_ns=3 * SECOND_NS * step, ranges_m=ranges), claimed, known
+            )
+        assert alignment.found_widely == (0 if knows else 1)
+        assert (abs(told.mean[2] - math.radians(60.0)) < 0.05) == (not knows)
+    assert np.allclose(asked[-1][:3], claimed.mean)
+    assert (asked[-1][3:] >= np.sqrt(np.diag(claimed.covariance))).all()
 
 
 def test_turns_that_the_wheels_miss_one_soon_after_the_other_are_found(stops: list[Stop]) -> None:

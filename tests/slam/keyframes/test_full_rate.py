@@ -8,6 +8,7 @@ from drivers.simulated.world.places.building import Building, building_settings
 from runtime.studies.places.building_drive import building_ticks
 from slam.estimator import Estimator
 from slam.front_end.alignment import Alignment
+from slam.front_end.wide_search import Known
 from slam.observations import FeatureRows
 from slam.odometry.odometry import Increment
 from slam.particles.fastslam import FastSlam, ScanOutcome
@@ -23,8 +24,8 @@ def test_the_particles_do_not_take_what_a_keyframe_says_of_the_joint_gaussians_o
     taken: list[FloatArray] = []
     refine, step = Alignment.refine, FastSlam.step
 
-    def refined(alignment: Alignment, scan: ScanLike, increment: Increment) -> Increment:
-        better = refine(alignment, scan, increment)
+    def refined(alignment: Alignment, scan: ScanLike, increment: Increment, known: Known) -> Increment:
+        better = refine(alignment, scan, increment, known)
         measured.append(better.mean)
         return better
 

@@ -3,13 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.measurements import FloatArray
+from drivers.measurements import FloatArray, ScanLike
 from slam.estimate import Quality
 from slam.estimator import Estimator
+from slam.front_end.alignment import Alignment
 from slam.front_end.deskew import Beams, Twist, deskew
+from slam.front_end.wide_search import Known, unknown
 from slam.joint.evidence import Evidence
 from slam.joint.gaussian import JointGaussian
 from slam.keyframes.keyframes import Keyframes
+from slam.odometry.odometry import Increment
 from slam.pose import Pose2
 from slam.settings.joint import JointSettings
 from slam.settings.slam import SlamSettings
@@ -172,3 +175,26 @@ def test_a_scan_lies_on_the_map_where_the_pose_is_right_and_not_where_it_is_wron
     elsewhere = drive_round(2, 1.0, MOUNT)[10:]
     lying = sum(keyframes.lies_on(beams_of(stop), settled) for stop in elsewhere)
     assert lying <= 0.05 * len(elsewhere)  # these corridors are all of one width; in real places it is one in a hundred
+
+
+def test_the_map_knows_a_scan_where_the_wheels_are_nearly_right_and_nowhere_else(stops: list[Stop]) -> None:
+    _, keyframes = driven(stops[:-2], np.zeros((len(stops) - 2, 3)))
+    true = (stops[-3].map_from_body.inverse() @ stops[-1].map_from_body).as_array()
+    wheels = np.diag((0.3, 0.3, 0.15)) ** 2
+    for off, is_known in (((0.3, -0.3, -0.25), True), ((0.0, 0.0, 1.0), False), ((100.0, 0.0, 0.0), False)):
+        assert keyframes.know(beams_of(stops[-1]), true + np.array(off), wheels) is is_known
+
+
+def test_the_alignment_of_an_estimator_asks_its_map(monkeypatch: pytest.MonkeyPatch, stops: list[Stop]) -> None:
+    asked = []
+    refine = Alignment.refine
+
+    def noted(alignment: Alignment, scan: ScanLike, increment: Increment, known: Known = unknown) -> Increment:
+        asked.append(known)
+        return refine(alignment, scan, increment, known)
+
+    monkeypatch.setattr(Alignment, "refine", noted)
+    estimator = Estimator(SlamSettings(), 0)
+    for stop in stops[:2]:
+        estimator.step(stop.scan.stamp_ns, stop.scan, (stop.wheels,))
+    assert [known.__func__ for known in asked] == 2 * [Keyframes.know]  # type: ignore[attr-defined]
