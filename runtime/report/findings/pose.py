@@ -24,6 +24,8 @@ WORSE_M = 0.2
 BELIEVED_SIGMAS = 5.0  # a pose whose error is this many times what it says of itself
 BELIEVED_M = 0.3  # smaller errors may be those of the truth
 DOUBTED_M = 0.2  # standard deviation; a smaller one hinders nobody
+MOST_LOST = 0.05  # of a run whose error is that of its best 95 %
+BEGINS_S = 0.15  # before the span of a doubt: the beat that began it
 
 
 def pose_findings(facts: RunFacts) -> list[Finding]:
@@ -88,6 +90,11 @@ def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval,
             "raise slam.particles; look at what happened at that time",
         )
     score = ticks.counts.get("doubt_score")
+    if score is not None and _torn(facts, score, intervals):
+        return (
+            "the rover was carried, pushed or lifted: a scan fits nowhere near the one before",
+            "find out what happened to it at that time; drive on, or tell it where it is",
+        )
     if score is not None and np.nanmedian(score[holds]) >= 0.5 * quality.lost_score:
         return (
             "landmarks of the map are not where they should be: the rover was carried or slipped, or a match was wrong",
@@ -97,6 +104,14 @@ def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval,
         "too few landmarks are in view, or matches contradict each other",
         "raise slam.particles; put up landmarks, such as posts",
     )
+
+
+def _torn(facts: RunFacts, score: NDArray[np.float64], intervals: tuple[Interval, ...]) -> bool:
+    """Whether the first of them began with one scan that said all of it: landmarks need several."""
+    times_s = facts.ticks.times_s[np.isfinite(score)]
+    begun = int(np.searchsorted(times_s, intervals[0][0] - BEGINS_S))
+    steps = np.diff(score[np.isfinite(score)][max(0, begun - 1) : begun + 2])
+    return bool((steps >= facts.configuration.slam.quality.lost_score).any())
 
 
 def _blind(facts: RunFacts, intervals: tuple[Interval, ...]) -> bool:
@@ -200,7 +215,8 @@ def _belief(facts: RunFacts) -> list[Finding]:
     """The error against the standard deviation that was published while the pose was believed."""
     error_m = facts.accuracy.get("trimmed_rms_m", facts.accuracy.get("rms_m"))
     believed = (facts.ticks.quality == QUALITIES.index("tracking")) & np.isfinite(facts.ticks.position_sd_m)
-    if error_m is None or not believed.any():
+    lost_share = np.mean(facts.ticks.quality == QUALITIES.index("lost"))
+    if error_m is None or not believed.any() or lost_share > MOST_LOST:  # while it is lost it claims nothing
         return []
     claimed_m = float(np.sqrt(np.mean(facts.ticks.position_sd_m[believed] ** 2)))
     truth = f"truth: {facts.accuracy['truth']}"

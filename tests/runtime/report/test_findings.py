@@ -112,6 +112,22 @@ def test_a_pose_that_is_far_off_and_says_it_is_not_is_called_overconfident(tmp_p
     assert "overconfident" in _grave(judge(off))
     told = replace(off, ticks=replace(facts.ticks, position_sd_m=np.full_like(facts.ticks.position_sd_m, 0.5)))
     assert "overconfident" not in _grave(judge(told))
+    quality = np.where(facts.ticks.times_s > 6.0, QUALITIES.index("lost"), facts.ticks.quality)
+    assert "overconfident" not in _grave(judge(replace(off, ticks=replace(facts.ticks, quality=quality))))
+
+
+@pytest.mark.parametrize(("rise_s", "cause"), [(0.0, "was carried, pushed or lifted"), (1.0, "landmarks of the map")])
+def test_a_rover_that_was_carried_is_told_from_one_whose_landmarks_are_missed(
+    tmp_path: Path, rise_s: float, cause: str
+) -> None:
+    """One scan says that a rover is not where it was; landmarks that are missed take several."""
+    facts = seeded_facts(tmp_path / "run", 3, duration_s=8.0)
+    ticks = facts.ticks
+    score = np.clip((ticks.times_s - 6.0) / max(rise_s, 1e-9), 0.0, 1.0) * 27.0
+    quality = np.where(score >= 18.0, QUALITIES.index("lost"), ticks.quality)
+    counts = {**ticks.counts, "doubt_score": score}
+    findings = {each.kind: each for each in judge(replace(facts, ticks=replace(ticks, counts=counts, quality=quality)))}
+    assert cause in findings["pose_lost"].cause
 
 
 def test_a_pose_that_is_right_and_claims_to_be_unsure_is_called_underconfident(tmp_path: Path) -> None:
