@@ -205,7 +205,8 @@ class Alignment:
                 self.refined += 1
                 self.laid = self._beams(now)
                 return corrected(increment, found.motion, found.information, suspected=only_if_slipped)
-        self.is_torn = only_if_slipped and not increment.at_rest and self._usual_share - share > TORN_SHARE
+        is_among_walls = only_if_slipped and self._usual_walls > USUALLY  # and not between bushes, for one scan
+        self.is_torn = is_among_walls and not increment.at_rest and self._usual_share - share > TORN_SHARE
         if not only_if_slipped:
             self._usual_fit += USUAL_GAIN * (share - self._usual_fit)
         off = motion - prior
