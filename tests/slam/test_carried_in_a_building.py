@@ -9,7 +9,8 @@ from drivers.measurements import Scan, uniform_bearings
 from drivers.settings.simulated_world import WorldSettings
 from drivers.simulated.world.places.building import Building
 from drivers.simulated.world.places.choose import world_of
-from runtime.studies.loss_detection.drives import MIDDLE_BEAM, PERIOD_NS, WheelReadings
+from runtime.studies.loss_detection.drives import MIDDLE_BEAM, PERIOD_NS, WheelReadings, simulated_ticks
+from runtime.studies.loss_detection.trial import place
 from slam.estimate import Estimate, Quality
 from slam.estimator import Estimator
 from slam.quality import QualityMonitor
@@ -33,6 +34,18 @@ def test_a_rover_carried_off_in_a_building_says_so_at_once_and_did_not_before(
     assert said[carried + 1].quality is Quality.LOST
     assert said[carried + 1].doubt.startswith("the rover is not where it was: a scan fits nowhere near the one before")
     assert all(estimate.quality is not Quality.TRACKING for estimate in said[carried + 1 :])
+
+
+def test_people_between_whom_landmarks_are_found_carry_no_rover_off() -> None:
+    """An open field: at 30.0 s a scan fits nowhere near the one before, and its landmarks are where they should be."""
+    world = place("open", 4)
+    mount = {"x_m": world.laser.body_from_laser[0]}
+    estimator = Estimator(SlamSettings.model_validate({"mount": mount}), 4)
+    torn = 0
+    for tick in simulated_ticks(world, 31.0):
+        assert estimator.step(tick.stamp_ns, tick.scan, tick.wheels).quality is Quality.TRACKING
+        torn += estimator._alignment.is_torn
+    assert torn > 0
 
 
 def drive(settings: WorldSettings, at_s: float) -> list[Estimate]:

@@ -199,6 +199,21 @@ def test_a_rover_moves_no_faster_than_its_wheels_roll(stops: list[Stop]) -> None
         assert told.mean is claimed.mean
 
 
+@pytest.mark.parametrize(("before", "says_so"), [(3, False), (12, True)])
+def test_a_scan_that_fits_nowhere_says_so_where_walls_have_been_seen_for_a_while(
+    stops: list[Stop], before: int, says_so: bool
+) -> None:
+    """Between bushes a scan or two look like walls, too."""
+    alignment, lines, pose = Alignment(settings_of(), MOUNT), ring_of_corridors(1), stops[0].map_from_body
+    claimed = replace(SURE, mean=np.array((0.02, 0.0, 0.0)))
+    for step in range(before + 1):
+        assert not alignment.is_torn
+        pose = pose @ (Pose2(5.0, 0.4, 1.2) if step == before else Pose2(0.02, 0.0, 0.0))
+        ranges = ranges_of(pose @ MOUNT, lines).astype(np.float32)
+        alignment.refine(replace(stops[0].scan, stamp_ns=100_000_000 * step, ranges_m=ranges), claimed)
+    assert alignment.is_torn == says_so
+
+
 def test_where_neither_wheels_nor_scan_are_clearly_right_either_may_be(stops: list[Stop]) -> None:
     """Six beams in ten say that the rover turned by 12 deg, four see a new place; the wheels are sure of no turn."""
     alignment, lines, pose = Alignment(settings_of(), MOUNT), ring_of_corridors(1), stops[0].map_from_body
