@@ -14,6 +14,7 @@ from runtime.calibrate.scans.laser_motion import laser_motion
 from runtime.calibrate.scans.orientation import AS_BELIEVED, Orientation, orientation
 from runtime.calibrate.wheel_model import DifferentialModel
 from runtime.errors import DataSetError
+from runtime.report.carried import carried_spans
 from runtime.report.facts import RunFacts, StuckEncoder
 from runtime.report.finding import Interval, intervals_where
 from slam.pose import Pose2
@@ -28,10 +29,10 @@ TURNED_SHARE = 0.5  # of the stretch; matching begins at what the wheels say, an
 def calibrated(facts: RunFacts) -> RunFacts:
     """The same facts with the encoders that were stuck and what this run alone says of wheels and mount.
 
-    While an encoder is stuck its counts say nothing about the wheel, and are left out of the calibration.
+    Counts of a stuck encoder, or of a rover that is carried, say nothing of the ground: calibration leaves them out.
     """
     stuck = tuple(_stuck_encoders(facts))
-    intervals = [interval for encoder in stuck for interval in encoder.intervals]
+    intervals = [*carried_spans(facts), *(interval for encoder in stuck for interval in encoder.intervals)]
     if facts.drive is not None and isinstance(facts.drive.wheels[0], OdometryPose):
         return replace(facts, orientation=_orientation(facts, facts.drive))  # there are no wheels that could be worn
     calibration = _calibration(facts, intervals)
@@ -39,11 +40,11 @@ def calibrated(facts: RunFacts) -> RunFacts:
     return replace(facts, stuck_encoders=stuck, calibration=calibration, orientation=found)
 
 
-def _calibration(facts: RunFacts, stuck: Sequence[Interval]) -> Calibration | None:
+def _calibration(facts: RunFacts, left_out: Sequence[Interval]) -> Calibration | None:
     """None where the run has no scans or no wheels to calibrate by."""
     if facts.drive is None:
         return None
-    drive = _without(facts.drive, stuck, facts.origin_ns)
+    drive = _without(facts.drive, left_out, facts.origin_ns)
     try:
         return calibrate([drive], start_from(facts.configuration))
     except DataSetError:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import Severity
+from runtime.report.carried import began_with_one_scan
 from runtime.report.facts import QUALITIES, RunFacts
 from runtime.report.finding import Finding, Interval, intervals_where, silences, spans_text
 from runtime.report.findings.searching import is_never_found, searched_until_s
@@ -25,7 +26,6 @@ BELIEVED_SIGMAS = 5.0  # a pose whose error is this many times what it says of i
 BELIEVED_M = 0.3  # smaller errors may be those of the truth
 DOUBTED_M = 0.2  # standard deviation; a smaller one hinders nobody
 MOST_LOST = 0.05  # of a run whose error is that of its best 95 %
-BEGINS_S = 0.15  # before the span of a doubt: the beat that began it
 
 
 def pose_findings(facts: RunFacts) -> list[Finding]:
@@ -90,7 +90,7 @@ def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval,
             "raise slam.particles; look at what happened at that time",
         )
     score = ticks.counts.get("doubt_score")
-    if score is not None and _torn(facts, score, intervals):
+    if began_with_one_scan(facts, intervals[0]):
         return (
             "the rover was carried, pushed or lifted: a scan fits nowhere near the one before",
             "find out what happened to it at that time; drive on, or tell it where it is",
@@ -104,14 +104,6 @@ def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval,
         "too few landmarks are in view, or matches contradict each other",
         "raise slam.particles; put up landmarks, such as posts",
     )
-
-
-def _torn(facts: RunFacts, score: NDArray[np.float64], intervals: tuple[Interval, ...]) -> bool:
-    """Whether the first of them began with one scan that said all of it: landmarks need several."""
-    times_s = facts.ticks.times_s[np.isfinite(score)]
-    begun = int(np.searchsorted(times_s, intervals[0][0] - BEGINS_S))
-    steps = np.diff(score[np.isfinite(score)][max(0, begun - 1) : begun + 2])
-    return bool((steps >= facts.configuration.slam.quality.lost_score).any())
 
 
 def _blind(facts: RunFacts, intervals: tuple[Interval, ...]) -> bool:
