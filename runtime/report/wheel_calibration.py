@@ -14,9 +14,9 @@ from runtime.calibrate.scans.laser_motion import laser_motion
 from runtime.calibrate.scans.orientation import AS_BELIEVED, Orientation, orientation
 from runtime.calibrate.wheel_model import DifferentialModel
 from runtime.errors import DataSetError
-from runtime.report.carried import carried_spans
 from runtime.report.facts import RunFacts, StuckEncoder
 from runtime.report.finding import Interval, intervals_where
+from runtime.report.findings.carried import carried_spans
 from slam.pose import Pose2
 
 WINDOW_S = 1.5

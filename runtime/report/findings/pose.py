@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.measurements import Severity
-from runtime.report.carried import began_with_one_scan
 from runtime.report.facts import QUALITIES, RunFacts
 from runtime.report.finding import Finding, Interval, intervals_where, silences, spans_text
+from runtime.report.findings.carried import began_with_one_scan
 from runtime.report.findings.searching import is_never_found, searched_until_s
 
 UNCERTAIN_GAP_M = 1.5  # as slam.quality has it, which tests hold it to: to import that loads a compiler, 45 MB

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.report.carried import carried_spans
 from runtime.report.facts import QUALITIES, RunFacts
+from runtime.report.findings.carried import carried_spans
 from runtime.report.judge import judge
 from runtime.report.wheel_calibration import calibrated
 from tests.support.runtime.seeded_runs import Draft, between, seeded_facts
