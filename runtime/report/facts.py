@@ -13,9 +13,13 @@ from runtime.calibrate.scans.orientation import AS_BELIEVED, Orientation
 from runtime.evaluate.smoothed import SmoothedResult
 from runtime.maps.scan_picture import ScanPicture
 from runtime.messages.tick import Gap
+from runtime.report.finding import Interval, intervals_where
 from runtime.settings.configuration import Configuration
 from slam.estimate import LandmarkMap
 
+BEGINS_S = 0.15  # before the span of a doubt: the beat that began it
+LIFTED_S = 1.0  # before a scan tells that a rover was carried: from the first push on, wheels and laser part
+JOINED_S = 2.0  # between two spans without a pose: the same carrying
 QUALITIES = ("tracking", "uncertain", "lost")
 """Names of the values in TickColumns.quality."""
 
@@ -160,3 +164,22 @@ class RunFacts:
             for event in self.events
             if event.source == source and (not kinds or event.kind in kinds) and event.stamp_ns >= self.origin_ns
         ]
+
+    def began_with_one_scan(self, doubt: Interval) -> bool:
+        """Whether a doubt of the pose began with one scan that fits nowhere near the one before.
+
+        So it is where the rover was carried, pushed or lifted; landmarks that are missed need several.
+        """
+        score = self.ticks.counts.get("doubt_score")
+        if score is None:
+            return False
+        told = np.isfinite(score)
+        begun = int(np.searchsorted(self.ticks.times_s[told], doubt[0] - BEGINS_S))
+        steps = np.diff(score[told][max(0, begun - 1) : begun + 2])
+        return bool((steps >= self.configuration.slam.quality.lost_score).any())
+
+    def carried_spans(self) -> tuple[Interval, ...]:
+        """From when it was lifted until its place was known again, s: its wheels say nothing of the ground then."""
+        lost = self.ticks.quality == QUALITIES.index("lost")
+        spans = intervals_where(self.ticks.times_s, lost, JOINED_S)
+        return tuple((start - LIFTED_S, end) for start, end in spans if self.began_with_one_scan((start, end)))

@@ -16,7 +16,6 @@ from runtime.calibrate.wheel_model import DifferentialModel
 from runtime.errors import DataSetError
 from runtime.report.facts import RunFacts, StuckEncoder
 from runtime.report.finding import Interval, intervals_where
-from runtime.report.findings.carried import carried_spans
 from slam.pose import Pose2
 
 WINDOW_S = 1.5
@@ -32,7 +31,7 @@ def calibrated(facts: RunFacts) -> RunFacts:
     Counts of a stuck encoder, or of a rover that is carried, say nothing of the ground: calibration leaves them out.
     """
     stuck = tuple(_stuck_encoders(facts))
-    intervals = [*carried_spans(facts), *(interval for encoder in stuck for interval in encoder.intervals)]
+    intervals = [*facts.carried_spans(), *(interval for encoder in stuck for interval in encoder.intervals)]
     if facts.drive is not None and isinstance(facts.drive.wheels[0], OdometryPose):
         return replace(facts, orientation=_orientation(facts, facts.drive))  # there are no wheels that could be worn
     calibration = _calibration(facts, intervals)

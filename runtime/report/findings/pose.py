@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from drivers.measurements import Severity
 from runtime.report.facts import QUALITIES, RunFacts
 from runtime.report.finding import Finding, Interval, intervals_where, silences, spans_text
-from runtime.report.findings.carried import began_with_one_scan
 from runtime.report.findings.searching import is_never_found, searched_until_s
 
 UNCERTAIN_GAP_M = 1.5  # as slam.quality has it, which tests hold it to: to import that loads a compiler, 45 MB
@@ -90,7 +89,7 @@ def _doubt(facts: RunFacts, holds: NDArray[np.bool_], intervals: tuple[Interval,
             "raise slam.particles; look at what happened at that time",
         )
     score = ticks.counts.get("doubt_score")
-    if began_with_one_scan(facts, intervals[0]):
+    if facts.began_with_one_scan(intervals[0]):
         return (
             "the rover was carried, pushed or lifted: a scan fits nowhere near the one before",
             "find out what happened to it at that time; drive on, or tell it where it is",

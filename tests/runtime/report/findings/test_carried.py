@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from runtime.report.facts import QUALITIES, RunFacts
-from runtime.report.findings.carried import carried_spans
 from runtime.report.judge import judge
 from runtime.report.wheel_calibration import calibrated
 from tests.support.runtime.seeded_runs import Draft, between, seeded_facts
@@ -39,7 +38,7 @@ def test_a_rover_that_was_carried_is_not_said_to_have_wrong_wheels(tmp_path: Pat
     kinds = {finding.kind for finding in judge(calibrated(_lost(facts, 6.0)))}
     assert "wheels_laser_disagree" in kinds, "nothing says that it was carried"
     carried = _lost(facts, 1e-9)
-    ((start_s, end_s),) = carried_spans(carried)
+    ((start_s, end_s),) = carried.carried_spans()
     assert start_s < PUT_DOWN_S < end_s
     found = {finding.kind: finding for finding in judge(calibrated(carried))}
     assert "wheels_laser_disagree" not in found
