@@ -71,8 +71,8 @@ class Estimator:
             self._redraw_particles()
         self._relocaliser = Relocaliser(settings, self._joint, saved, NO_VIEWS if start is None else start.known.views)
         self._keyframes = self._relocaliser.here.keyframes
-        reports = settings.front_end.kind == "given"
-        self._quality = QualityMonitor(settings.quality, self._joint.scans, silence_is_blind=not reports)
+        told, reports = saved is self._joint, settings.front_end.kind == "given"
+        self._quality = QualityMonitor(settings.quality, self._joint.scans, silence_is_blind=not reports, is_told=told)
         self._scan_clock, self._breakdown, self._stands = ScanClock(), Breakdown(), False
 
     def step(

@@ -30,6 +30,9 @@ UNCERTAIN_SQUARE = 8.0  # mean squared Mahalanobis distance of what is found, ov
 LOST_SIGMA_M = 10.0  # m; standard deviation that is added to the published position while it is lost
 LOST_SIGMA_RAD = 1.8  # rad; the same for the heading: any heading is as likely as any other
 LOST_GROWTH = np.diag((squared(LOST_SIGMA_M), squared(LOST_SIGMA_M), squared(LOST_SIGMA_RAD)))
+TOLD_SHARE = (
+    0.5  # of lost_score, where somebody says where the rover is: before the first scan no wheel can have slipped
+)
 CEILING = 1.5  # times the bound: what the score can pile up, so that a rover that finds itself says so soon
 FADING = 0.02  # of the score a scan while nothing of the map is in view: it neither speaks for the pose nor against it
 LIES_ON_MAP = logarithm(0.02 / 0.6)  # log-odds where a scan lies on the map: from a wrong pose and from a right one
@@ -49,12 +52,14 @@ class Judgement:
 class QualityMonitor:
     """Adds up the evidence of scan after scan."""
 
-    def __init__(self, settings: QualitySettings, scans: int = 0, *, silence_is_blind: bool = True) -> None:
+    def __init__(
+        self, settings: QualitySettings, scans: int = 0, *, silence_is_blind: bool = True, is_told: bool = False
+    ) -> None:
         """scans: how many there were before, where a drive begins in a map. silence_is_blind: a laser sends scans
         whatever it sees; of a sensor that reports things nothing comes where none stand, and only the motion's sigma
-        grows.
+        grows. is_told: the pose in that map is what somebody says.
         """
-        self._silence_is_blind = silence_is_blind
+        self._silence_is_blind, self._is_told = silence_is_blind, is_told
         self._settings = settings
         self._score = 0.0
         self._lost = self._is_torn = False
@@ -83,7 +88,13 @@ class QualityMonitor:
         """Itself, or a new one where it is broken."""
         if not self.is_broken:
             return self
-        return QualityMonitor(self._settings, self._scans, silence_is_blind=self._silence_is_blind)
+        blind, told = self._silence_is_blind, self._is_told
+        return QualityMonitor(self._settings, self._scans, silence_is_blind=blind, is_told=told)
+
+    @property
+    def is_told(self) -> bool:
+        """Whether nothing but somebody's word has spoken for the pose so far."""
+        return self._is_told
 
     @property
     def scans(self) -> int:
@@ -98,7 +109,7 @@ class QualityMonitor:
     def restart(self, stamp_ns: int) -> None:
         """The pose was recognised: doubts about the one before are none about it."""
         self._score, self._lost, self._square = 0.0, False, CONSISTENT
-        self._is_torn = False
+        self._is_torn = self._is_told = False
         self._known = self._found = 0.0
         self._trusted_scans = self._scans
         self._support(stamp_ns)
@@ -161,7 +172,9 @@ class QualityMonitor:
         self._score = min(max(score, 0.0), CEILING * settings.lost_score)
         if self._score < 0.1:
             self._score = 0.0
-        self._lost = self._score >= settings.lost_score or (self._lost and self._score > 0.0)
+        self._is_told = self._is_told and evidence.against >= SUPPORTS
+        bound = (TOLD_SHARE if self._is_told else 1.0) * settings.lost_score
+        self._lost = self._score >= bound or (self._lost and self._score > 0.0)
         self._is_torn = self._is_torn and self._lost
         if evidence.found > 0:
             self._square += SMOOTHING * (evidence.square - self._square)
@@ -247,7 +260,7 @@ class QualityMonitor:
         scanned = -1 if self._scanned_ns is None else self._scanned_ns
         sums = (self._score, self._square, self._known, self._found, self._usual_gap_s, self._blind_rolling_s)
         counts = (self._scans, self._trusted_scans, self._blind_scans, supported, scanned)
-        return struct.pack("<6d??5q", *sums, self._lost, self._is_torn, *counts)
+        return struct.pack("<6d???5q", *sums, self._lost, self._is_torn, self._is_told, *counts)
 
     def _blind_rolling(self, stamp_ns: int, rolling_s: float) -> float:
         """How much of the time since the last support the rover moved, or may have."""

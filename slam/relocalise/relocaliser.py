@@ -275,6 +275,7 @@ class Relocaliser:
             return None
         if len(local_points(local.joint.state, self._scale)) < LEAST_LANDMARKS:
             return None
+        self.awaits_saved |= self.here.is_saved and quality.is_told  # who was told wrongly was told nothing
         self._put_aside(self.here)
         self._last_number += 1
         self.here = self._island(self._last_number, local.joint)
@@ -292,8 +293,7 @@ class Relocaliser:
     def _restart(self, before: Pose2, quality: QualityMonitor, stamp_ns: int) -> None:
         """Everything that remembers the pose of before goes on from the one of now."""
         after = self.here.joint.map_from_body
-        front = Pose2() if self._front_from_map is None else self._front_from_map
-        self._front_from_map = front @ before @ after.inverse()
+        self._front_from_map = (self._front_from_map or Pose2()) @ before @ after.inverse()
         self._local = None
         self.here.remember()
         self._by_landmarks.restart(self._islands)

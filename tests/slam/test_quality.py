@@ -43,6 +43,21 @@ def test_landmarks_missed_in_plain_sight_make_the_pose_uncertain_and_then_lost()
     assert quality(*after(*[GOOD] * 20, GONE, GONE)) is Quality.LOST
 
 
+def test_a_told_pose_is_lost_by_half_as_much_until_the_map_has_spoken_for_it() -> None:
+    """No wheel can have slipped before the first scan, and a doubt about it does not fade in unmapped country."""
+    told, now_ns = QualityMonitor(SETTINGS, 500, is_told=True), TICK_NS
+    told.add(now_ns, GONE)
+    assert quality(told, now_ns) is Quality.LOST
+    for _ in range(200):
+        now_ns += TICK_NS
+        told.add(now_ns, Evidence())
+    assert quality(told, now_ns) is Quality.LOST
+    told, now_ns = QualityMonitor(SETTINGS, 500, is_told=True), 2 * TICK_NS
+    told.add(TICK_NS, GOOD)
+    told.add(now_ns, GONE)
+    assert quality(told, now_ns) is Quality.UNCERTAIN
+
+
 def test_a_scan_that_lies_on_the_map_outweighs_landmarks_that_are_missed() -> None:
     """Corners are not where they should be, but all of the scan is: then the corners of the map are wrong."""
     monitor, now_ns = after(*[GOOD] * 20, GONE, GONE)

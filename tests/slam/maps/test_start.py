@@ -1,21 +1,30 @@
 """A drive that begins anywhere in a saved map searches, says so, and goes on in the map when it knows its place."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
+from drivers.settings.simulated_world import WorldSettings
+from runtime.studies.loss_detection.drives import simulated_ticks
 from slam.estimate import Quality
+from slam.estimator import Estimator
 from slam.joint.gaussian import JointGaussian
 from slam.maps.joint_map import JointMap, take_map
 from slam.maps.start import MapStart, first_maps
+from slam.maps.views import NO_VIEWS
 from slam.pose import Pose2
 from slam.quality import Judgement, QualityMonitor
 from slam.relocalise.relocaliser import Relocaliser
+from slam.settings.slam import SlamSettings
 from tests.slam.relocalise.test_relocaliser import PARK, after_a_lap, forest
 from tests.support.slam.tree_drive import SETTINGS, TreeDrive
 
 TRACKING = Judgement(Quality.TRACKING)
+SETTINGS_OF_PARK = SlamSettings.model_validate(
+    {"mount": {"x_m": WorldSettings().laser.body_from_laser[0]}, "particles": 2}
+)
 
 
 @cache
@@ -28,7 +37,7 @@ def beginning(start: MapStart, truth: Pose2, seed: int = 9) -> tuple[TreeDrive, 
     drive.truth = truth
     drive.joint, saved = first_maps(SETTINGS, start)
     assert saved is not None
-    drive.quality = QualityMonitor(SETTINGS.quality, drive.joint.scans)
+    drive.quality = QualityMonitor(SETTINGS.quality, drive.joint.scans, is_told=saved is drive.joint)
     drive.relocaliser = Relocaliser(SETTINGS, drive.joint, saved)
     return drive, saved
 
@@ -83,6 +92,40 @@ def test_a_start_outside_the_map_keeps_searching() -> None:
     assert drive.relocaliser.awaits_saved
     assert drive.relocaliser.judged(TRACKING).quality is Quality.LOST
     assert drive.relocaliser.lasting.joint is saved, "what is kept at the end is the map, and not this drive"
+
+
+def test_a_start_pose_that_the_map_refutes_is_as_good_as_none() -> None:
+    drive, saved = beginning(MapStart(known(), True, Pose2()), Pose2())
+    drive._trees_m = forest(77, (0.0, 25.0), 110.0, 150)
+    drive.circle(80, 25.0)
+    assert [recognition.is_new for recognition in drive.recognitions] == [True]
+    assert drive.relocaliser.judged(TRACKING).quality is Quality.LOST
+    assert drive.relocaliser.lasting.joint is saved
+
+
+def test_in_the_mirror_image_of_a_map_a_start_pose_is_never_believed() -> None:
+    """From the second scan on the walls hold the pose, and what may stand anywhere within half a metre is neither found
+    nor missed: after 23 s in which nothing more was held against it the pose was called tracking.
+    """
+    ticks = list(simulated_ticks(WorldSettings(seed=1), 25.0))
+    mapped = Estimator(SETTINGS_OF_PARK, 1)
+    for tick in ticks[:150]:
+        mapped.step(tick.stamp_ns, tick.scan, tick.wheels)
+    flip = np.diag((1.0, -1.0))
+    own = mapped.joint_map()
+    in_mirror = replace(
+        own,
+        means_m=own.means_m @ flip,
+        covariances_m2=flip @ own.covariances_m2 @ flip,
+        block_m2=np.kron(np.eye(own.in_state), flip) @ own.block_m2 @ np.kron(np.eye(own.in_state), flip),
+        weights=flip @ own.weights @ np.kron(np.eye(4), flip),
+        residuals=flip @ own.residuals @ flip,
+        view_poses=NO_VIEWS.poses,
+        view_points_cm=NO_VIEWS.points_cm,
+    )
+    rover = Estimator(SETTINGS_OF_PARK, 1, start=MapStart(in_mirror, True, Pose2()))
+    said = {rover.step(tick.stamp_ns, tick.scan, tick.wheels).quality for tick in ticks}
+    assert said == {Quality.LOST}
 
 
 def test_the_digest_of_a_start_tells_maps_places_and_modes_apart() -> None:
