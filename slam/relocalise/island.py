@@ -17,7 +17,7 @@ from slam.recognise.attempt import Hypothesis
 from slam.recognise.confirmation import Confirmation
 from slam.recognise.local_points import local_points
 from slam.recognise.map_index import MapIndex
-from slam.relocalise.join import LAID, carry_along, condition_on_same, far_landmarks, join, rows_since
+from slam.relocalise.join import FAR_MOST_M, LAID, carry_along, condition_on_same, far_landmarks, join, rows_since
 from slam.relocalise.joint_compatibility import Conditioned
 from slam.relocalise.rooting import Rooting
 
@@ -132,17 +132,17 @@ class Island:
         walls never do.
 
         source: a local map, another map, or this one, whose part since the rooted one was left is laid elsewhere. What
-        this map has made since then is taken out: it stands where the pose was wrong. Far away it is turned along.
+        this map has made since then is taken out: it stands where the pose was wrong. Far away it is turned along where
+        that is not far: nobody knows where on the way the pose went wrong.
         """
         joint, scale, since = self.joint, self.index.scale, self.rooted_scans
         keyframes = self.rooting.keyframes if self.remembered is None else self.remembered.keyframes
         points = local_points(source.state, scale, since if source is joint else 0)
         here = source.map_from_body
-        behind = [far_landmarks(joint, since, points.identities, here, reach_m)]
+        new_from_old = map_from_body @ here.inverse()
+        along = [far_landmarks(joint, since, points.identities, here, reach_m).turned(new_from_old, FAR_MOST_M)]
         if source is not joint:
-            behind.append(far_landmarks(source, 0, points.identities, here, reach_m))
-        new_from_old = map_from_body @ source.map_from_body.inverse()
-        along = [far.turned(new_from_old) for far in behind]
+            along.append(far_landmarks(source, 0, points.identities, here, reach_m).turned(new_from_old))
         same = dict(zip(found.local.tolist(), found.known.tolist(), strict=True))
         live = joint.state
         if self.remembered is not None:

@@ -27,6 +27,9 @@ LAID = np.diag((0.1 * 0.1, 0.1 * 0.1, 0.02 * 0.02))  # of a pose that scans say
 ANYWHERE = np.diag((1e4, 1e4, 9.0))  # nothing of the old pose is believed
 LEAST_MATCHES = 4
 FAR_TIMES, FAR_M2 = 4.0, 1.0  # covariance of what is turned along rigidly: its own so many times, and so much more
+FAR_MOST_M = (
+    3.0  # that a landmark is moved along: trees stand some 5 to 8 m apart, and one that is known worse is any of them
+)
 NEAR_SIGMAS = 3.0  # of the scale: nearer to a landmark none is added
 MATCHED_LOG_ODDS = 3.0
 
@@ -40,12 +43,14 @@ class FarLandmarks:
     covariances_m2: FloatArray
     log_odds: FloatArray
 
-    def turned(self, new_from_old: Pose2) -> "FarLandmarks":
-        """The same in another frame, less exact."""
+    def turned(self, new_from_old: Pose2, most_m: float = math.inf) -> "FarLandmarks":
+        """The same in another frame, less exact, without those that lie more than most_m from where they lay."""
+        means = new_from_old.transform(self.means_m)
+        kept = np.flatnonzero(lengths(means - self.means_m) <= most_m)
         turn = turning(new_from_old.heading_rad)
-        half = (turn[:, :, None] * self.covariances_m2[:, None]).sum(axis=2)
+        half = (turn[:, :, None] * self.covariances_m2[kept, None]).sum(axis=2)
         covariances = FAR_TIMES * (half[:, :, None] * turn).sum(axis=3) + FAR_M2 * np.eye(2)
-        return FarLandmarks(self.identities, new_from_old.transform(self.means_m), covariances, self.log_odds)
+        return FarLandmarks(self.identities[kept], means[kept], covariances, self.log_odds[kept])
 
 
 def far_landmarks(

@@ -24,7 +24,7 @@ class StudiedRover:
         self.joint, saved = first_maps(settings, start)
         views = NO_VIEWS if start is None else start.known.views
         self.relocaliser = Relocaliser(settings, self.joint, saved, views)
-        self.quality = QualityMonitor(settings.quality, self.joint.scans)
+        self.quality = QualityMonitor(settings.quality, self.joint.scans, is_told=saved is self.joint)
         self._has_begun = False
 
     def step(self, seen: ScanSeen) -> Recognition | None:
