@@ -10,8 +10,9 @@ import secrets
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from itertools import takewhile
 from pathlib import Path
 
 from runtime.errors import UsageError
@@ -27,13 +28,21 @@ def atomic_write(path: Path, content: str | bytes, mode: int | None = None) -> N
     Text is written as UTF-8; what cannot be, as in names of files, in escapes.
     mode: permissions of the file; by default what the umask leaves of 0o666. Raises OSError, and then nothing is left.
     """
-    data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
-    with _replacing(path) as (folder, name):
-        descriptor = os.open(name, WRITE_FLAGS, dir_fd=folder)
-        with open(descriptor, "wb") as stream:
-            if mode is not None:
-                os.fchmod(descriptor, mode)
-            stream.write(data)
+    write_together({path: content}, mode)
+
+
+def write_together(files: Mapping[Path, str | bytes], mode: int | None = None) -> None:
+    """The same of several files: none takes its place before all of them could be written. Raises OSError."""
+    with ExitStack() as stack:
+        for path, content in files.items():
+            data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
+            folder, name = stack.enter_context(_replacing(path))
+            with open(os.open(name, WRITE_FLAGS, dir_fd=folder), "wb") as stream:
+                if mode is not None:
+                    os.fchmod(stream.fileno(), mode)
+                stream.write(data)
+                stream.flush()
+                os.fsync(stream.fileno())
 
 
 @contextmanager
@@ -78,16 +87,15 @@ def acting_as_owner(folder: Path | int) -> Iterator[None]:
         yield
         return
     libc = ctypes.CDLL(None, use_errno=True)
+    group, user = libc.setfsgid(status.st_gid), libc.setfsuid(status.st_uid)  # of this thread alone, unlike seteuid
     try:
-        libc.setfsgid(status.st_gid)
-        libc.setfsuid(status.st_uid)  # of this thread alone, unlike seteuid
         if libc.setfsuid(-1) != status.st_uid:
             why = f"root may not act as the owner, user {status.st_uid}; run the command as that user"
             raise PermissionError(errno.EPERM, why, str(folder))
         yield
     finally:
-        libc.setfsuid(os.geteuid())
-        libc.setfsgid(os.getegid())
+        libc.setfsuid(user)
+        libc.setfsgid(group)
 
 
 def _is_of_another(status: os.stat_result) -> bool:
@@ -138,6 +146,22 @@ def beside(page: Path, suffix: str) -> Path:
     if not page.name or page.suffix == suffix:
         raise UsageError(f"--out {page}: expected the name of an HTML file; give one, for example report.html")
     return page.with_suffix(suffix)
+
+
+def make_folder(path: Path) -> tuple[Path, ...]:
+    """Make a folder with those above that are missing; returns what was made, inmost first. Raises OSError."""
+    missing = tuple(takewhile(lambda each: not each.is_dir(), (path, *path.absolute().parents)))
+    if missing:
+        with acting_as_owner(missing[-1].absolute().parent):
+            path.mkdir(parents=True, exist_ok=True)
+    return missing
+
+
+def take_away(made: Sequence[Path]) -> None:
+    """Remove folders that were just made, inmost first, where nothing is in them."""
+    for folder in made:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def refuse_link(path: Path) -> None:

@@ -33,10 +33,11 @@ WAIT_S = 0.1  # how often a reader without frames looks up: ages are judged and 
 ERRORS_BEFORE_REOPENING = 3  # one broken line of slcan is no reason, a poisoned buffer is
 STRANGERS = 100  # things in a row that are no frame before they are waited for
 STRANGER_WAIT_S = 0.01
+FLOOD_FRAMES, FLOOD_WAIT_S = 50, 0.025  # of a bus that the kernel throws away from: who always reads starves the loop
 ERRORS_WITHOUT_GOOD = 50  # error frames in a row after which the bit rate is doubted
 OVERFLOW = (
     "frames were lost because the kernel's buffer was full; raise encoders.bus.receive_buffer_bytes and "
-    "sudo sysctl net.core.rmem_max, or relieve the processor"
+    "sudo sysctl net.core.rmem_max, relieve the processor, or find who floods the bus"
 )
 UNSIGNED = (
     "{0} wheel: its speed has no sign and no direction signal is configured, so driving backwards counts "
@@ -186,7 +187,7 @@ class CanEncoders:
         """Feed frames until the bus is to be opened anew; returns whether any frame was heard."""
         heard, errors, strangers, jumps = False, 0, 0, bus.clock_jumps
         last_ns = checked_ns = self._now_ns()
-        overflowed = 0
+        overflowed, is_flooded, turns = 0, False, 0
         self._wake_up(bus)
         while not self._thread.is_stopping():
             try:
@@ -207,8 +208,11 @@ class CanEncoders:
             now_ns = self._now_ns()
             if now_ns - checked_ns > OVERFLOW_CHECK_NS:
                 checked_ns, before, overflowed = now_ns, overflowed, bus.overflowed
-                if overflowed > before:
+                if is_flooded := overflowed > before:
                     self._report("overflow", overflowed - before, OVERFLOW)
+            turns += 1
+            if is_flooded and turns % FLOOD_FRAMES == 0:
+                self._thread.wait(FLOOD_WAIT_S)
             if frame is None:
                 with self._lock:
                     self._pair.check(now_ns)

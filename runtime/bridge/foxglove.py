@@ -3,7 +3,9 @@
 import re
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TextIO
 
 from runtime.bridge.bridge import Bridge, run_bridge
@@ -17,6 +19,9 @@ from runtime.publish.follow import following
 from runtime.ros2.vehicle import Frames
 
 BACKLOG = 32  # messages that are kept for a client that does not read, for each anew: 1024 took 1 GB for 40 of them
+MOST_CLIENTS = (
+    20  # who get messages, the last that came: each may keep 1.3 MB and more waiting, and none can be put out
+)
 STOP_S = 2.0  # the server waits without end for whoever does not read its goodbye
 
 
@@ -42,13 +47,18 @@ class FoxgloveServer:
             from foxglove.websocket import ServerListener
 
         foxglove.set_log_level("CRITICAL")  # it says nothing then: else clients would choose what is said here
-        channels = self._channels = dict[str, _Channel]()
+        channels, clients = dict[str, _Channel](), Clients()
+        self._channels, self.clients = channels, clients
 
         class Latecomers(ServerListener):
             """What is said once is said again to whoever comes later."""
 
-            def on_subscribe(self, client: Any, channel: Any) -> None:  # noqa: ARG002
-                channels[channel.topic].repeat()
+            def on_subscribe(self, client: Any, channel: Any) -> None:
+                clients.subscribe(client.id, channel.topic)
+                channels[channel.topic].repeat(client.id)
+
+            def on_unsubscribe(self, client: Any, channel: Any) -> None:
+                clients.unsubscribe(client.id, channel.topic)
 
         self._context = foxglove.Context()
         try:
@@ -71,7 +81,7 @@ class FoxgloveServer:
 
         schema = Schema(name=topic.type_name, encoding="ros2msg", data=definition(topic.type_name).encode())
         channel = Channel(topic.name, schema=schema, message_encoding="cdr", context=self._context)
-        self._channels[topic.name] = _Channel(channel, topic.latched)
+        self._channels[topic.name] = _Channel(channel, topic.latched, partial(self.clients.of, topic.name))
         return self._channels[topic.name]
 
     def close(self) -> None:
@@ -81,23 +91,50 @@ class FoxgloveServer:
         stopping.join(STOP_S)
 
 
-class _Channel:
-    """A topic; latched: its last message is kept for those who come later."""
+class Clients:
+    """Who has subscribed to what, by the numbers that the library gives them; told by its threads."""
 
-    def __init__(self, channel: Any, latched: bool) -> None:
-        self._channel, self._latched = channel, latched
+    def __init__(self) -> None:
+        self._topics: dict[int, set[str]] = {}  # who came first is first
+        self._lock = threading.Lock()
+
+    def subscribe(self, client: int, topic: str) -> None:
+        """To one topic more."""
+        with self._lock:
+            self._topics.setdefault(client, set()).add(topic)
+
+    def unsubscribe(self, client: int, topic: str) -> None:
+        """From one; whoever goes leaves all of them."""
+        with self._lock:
+            topics = self._topics.get(client, set())
+            topics.discard(topic)
+            if not topics:
+                self._topics.pop(client, None)
+
+    def of(self, topic: str) -> list[int]:
+        """Who gets its messages: of the last that came those who asked for it."""
+        with self._lock:
+            return [client for client in list(self._topics)[-MOST_CLIENTS:] if topic in self._topics[client]]
+
+
+class _Channel:
+    """A topic; latched: its last message is kept for those who come later. clients: who gets its messages now."""
+
+    def __init__(self, channel: Any, latched: bool, clients: Callable[[], list[int]]) -> None:
+        self._channel, self._latched, self._clients = channel, latched, clients
         self._last: bytes | None = None
 
     def write(self, data: bytes) -> None:
-        """To all who have subscribed."""
+        """To those who have subscribed."""
         if self._latched:
             self._last = data
-        self._channel.log(data, log_time=time.time_ns())
+        for client in self._clients():
+            self._channel.log(data, log_time=time.time_ns(), sink_id=client)
 
-    def repeat(self) -> None:
-        """The last message, where one is kept."""
-        if self._last is not None:
-            self._channel.log(self._last, log_time=time.time_ns())
+    def repeat(self, client: int) -> None:
+        """The last message, where one is kept, to one of them."""
+        if self._last is not None and client in self._clients():
+            self._channel.log(self._last, log_time=time.time_ns(), sink_id=client)
 
 
 def bridge_foxglove(options: FoxgloveOptions, stop: threading.Event, said: TextIO) -> dict[str, Any]:

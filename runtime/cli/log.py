@@ -75,7 +75,7 @@ def recover(
 
     RunFolder.open(run)
     folder = RunFolder.create(out, out.parent)
-    with busy("recover"), folder.gone_if_interrupted():
+    with busy("recover"), folder.whole_or_gone():
         result = recover_run(run, folder)
     lines = [f"lost      {sentence}" for sentence in result["losses"]]
     answer(result, [*lines, f"run       {result['out']}  {result['ticks']} ticks"], as_json)

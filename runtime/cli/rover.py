@@ -88,6 +88,7 @@ def rclpy(
     """Write the bridge as one Python file for a machine with ROS 2; it needs rclpy and eclipse-zenoh, but not
     Infant.
     """
+    from runtime.atomic_write import atomic_write
     from runtime.errors import RunExistsError, StorageError
 
     text = files("runtime.bridge").joinpath("rclpy_node.py").read_text(encoding="utf-8")
@@ -97,12 +98,10 @@ def rclpy(
         else:
             typer.echo(text, nl=False)
         return
+    if out.exists() or out.is_symlink():
+        raise RunExistsError(f"{out} exists and nothing is overwritten; give another name")
     try:
-        with out.open("x", encoding="utf-8") as file:
-            file.write(text)
-        out.chmod(0o755)
-    except FileExistsError as error:
-        raise RunExistsError(f"{out} exists and nothing is overwritten; give another name") from error
+        atomic_write(out, text, 0o755)
     except OSError as error:
         raise StorageError(f"{out} cannot be written ({error.strerror}); give another name") from error
     answer({"file": str(out)}, (f"written   {out}: python3 {out} --rover NAME --connect ENDPOINT",), as_json)

@@ -1,13 +1,13 @@
 """infant export: one pass over a run, out of which every form is written that was asked for."""
 
-import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from runtime.atomic_write import make_folder, take_away
 from runtime.errors import RunExistsError, StorageError, UsageError
 from runtime.export.grid import MOST_CELLS
 from runtime.export.rosbag2 import Rosbag2
@@ -68,9 +68,11 @@ def export_run(
     if is_being_written(reader.folder.mcap_path):
         raise UsageError(f"{run} is still being recorded; stop it first: infant command stop, or Ctrl-C at infant run")
     offset_ns = reader.header.wall_minus_monotonic_ns
-    ticks = 0
+    ticks, made = 0, list[Path]()
     try:
         with ExitStack() as opened:
+            for kind, path in outputs.paths.items():
+                made[:0] = make_folder(path if kind == "ros2" else path.parent)
             forms = _forms(reader, outputs, offset_ns or 0, resolution_m, opened)
             for recorded in reader.ticks():
                 if (estimate := recorded.estimate) is None:
@@ -85,7 +87,7 @@ def export_run(
             for form in forms.values():
                 form.finish()
     except BaseException as error:
-        _remove(outputs)
+        _remove(outputs, made)
         if not isinstance(error, OSError):
             raise
         where = error.filename or ", ".join(map(str, outputs.paths.values()))
@@ -119,7 +121,6 @@ def _forms(
         "geojson": lambda path: GeoJsonFile(path, offset_ns, origin_of(reader.header, reader.folder)),
     }
     for name, path in outputs.paths.items():
-        path.parent.mkdir(parents=True, exist_ok=True)
         forms[name] = makers[name](path)
         opened.callback(forms[name].close)
     return forms
@@ -133,11 +134,13 @@ def _refuse_existing(kind: str, path: Path) -> None:
         raise RunExistsError(f"{path} exists; nothing is overwritten; give another name")
 
 
-def _remove(outputs: Outputs) -> None:
-    """Half an export is none: all that was there is what this one has made."""
+def _remove(outputs: Outputs, made: Sequence[Path]) -> None:
+    """Half an export is none: all that is there is what this one has made."""
     for path in outputs.paths.values():
         with suppress(OSError):
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
+            for each in path.iterdir() if path.is_dir() else (path,):
+                each.unlink()
+    take_away(made)
 
 
 def export_lines(summary: dict[str, Any]) -> list[str]:

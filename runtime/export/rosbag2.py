@@ -51,14 +51,13 @@ TOPICS = {
 
 
 class Rosbag2:
-    """Writes the folder; metadata.yaml comes last, so that no reader takes an unfinished one for whole.
+    """Fills an empty folder; metadata.yaml comes last, so that no reader takes an unfinished one for whole.
 
     messages: how many, by topic. offset_ns: from the record's stamps to wall time.
     """
 
     def __init__(self, path: Path, configuration: Configuration, offset_ns: int, resolution_m: float | None) -> None:
         self._folder, self._offset_ns = path, offset_ns
-        path.mkdir(exist_ok=True)
         self._name = f"{path.name}_0.mcap"
         self._file: BinaryIO = (path / self._name).open("xb")
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)

@@ -78,7 +78,6 @@ def import_data_set(
     truth = truth_of(archive)
     wall_start_ns = _wall_start_ns(archive)
     folder = RunFolder.create(out, out.parent)
-    folder.write_configuration(configuration.text)
     header = RunHeader(
         configuration.text,
         f"import {archive.name}",
@@ -86,10 +85,11 @@ def import_data_set(
         wall_minus_monotonic_ns=wall_start_ns,
         created_utc=f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}",
     )
-    writer = RunWriter(folder.mcap_path, header.metadata, {ATTACHMENT: truth.attachment()} if truth else {})
     spacing_ns = SLOW_SPACING_NS if wheels and isinstance(wheels[0], OdometryPose) else FAST_SPACING_NS
     count = sightings = last_ns = 0
-    with folder.gone_if_interrupted():
+    with folder.whole_or_gone():
+        folder.write_configuration(configuration.text)
+        writer = RunWriter(folder.mcap_path, header.metadata, {ATTACHMENT: truth.attachment()} if truth else {})
         raw = archive.raw(round(archive.start_s * 1e9)) if archive.raw is not None else iter(())
         waiting = next(raw, None)
         for tick in ticks(scans, wheels, spacing_ns):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drivers.measurements import FloatArray
-from runtime.atomic_write import atomic_write, refuse_link
+from runtime.atomic_write import make_folder, refuse_link, take_away, write_together
 from runtime.errors import StorageError, UsageError
 from runtime.map_files.confirmed import confirmed
 from runtime.map_files.map_store import read_map
@@ -138,13 +138,14 @@ def grid_facts(grid: GridMap) -> dict[str, Any]:
 
 
 def write_files(folder: Path, files: Mapping[str, str | bytes]) -> None:
-    """Each file whole or not at all. Raises StorageError."""
+    """All of them, or none and no new folder. Raises StorageError."""
+    made: tuple[Path, ...] = ()
     try:
         refuse_link(folder)  # RUN/map may be one in the run of somebody else
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, content in files.items():
-            atomic_write(folder / name, content)
+        made = make_folder(folder)
+        write_together({folder / name: content for name, content in files.items()})
     except OSError as error:
+        take_away(made)
         raise StorageError(f"{folder} cannot be written ({error.strerror}); give another folder with --out") from error
 
 

@@ -5,14 +5,14 @@ import os
 import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from runtime.atomic_write import acting_as_owner, atomic_write, refuse_link
+from runtime.atomic_write import atomic_write, make_folder, refuse_link, take_away
 from runtime.errors import NotARunError, RunExistsError, StorageError
 from runtime.printable import printable
 
@@ -25,9 +25,10 @@ CLOSED_REVIEW = re.compile(r"review-[0-9]{4,6}\.rrd")
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """One run on disk. `create` makes it, `open` finds it."""
+    """One run on disk. `create` makes it, `open` finds it. made: folders that were not there before, inmost first."""
 
     path: Path
+    made: tuple[Path, ...] = field(default=(), compare=False, repr=False)
 
     @classmethod
     def create(cls, out: Path | None, root: Path) -> "RunFolder":
@@ -38,9 +39,7 @@ class RunFolder:
         path = out if out is not None else root / new_name(datetime.now(UTC))
         try:
             refuse_link(path)
-            existing = next(each for each in (path, *path.absolute().parents) if each.is_dir())
-            with acting_as_owner(existing):
-                path.mkdir(parents=True, exist_ok=True)
+            made = make_folder(path)
             occupied = any(path.iterdir())
             path.chmod(path.stat().st_mode)  # a file system mounted read-only says so here and not a minute later
         except ValueError as error:
@@ -55,20 +54,24 @@ class RunFolder:
             raise RunExistsError(
                 f"{path} exists and is not empty; runs are never overwritten; give another name with --out"
             )
-        return cls(path)
+        return cls(path, made)
 
     @contextmanager
-    def gone_if_interrupted(self) -> Iterator[None]:
-        """Take the folder, just made, away again where Ctrl-C leaves it half written."""
+    def whole_or_gone(self) -> Iterator[None]:
+        """Take the folder, just made, away again where a full disk, a defect or Ctrl-C leaves it half written."""
         try:
             yield
-        except KeyboardInterrupt:
+        except BaseException:
             self.remove()
             raise
 
     def remove(self) -> None:
-        """Take a folder that holds nothing of use, just made, away again."""
-        shutil.rmtree(self.path, ignore_errors=True)
+        """Take what a folder holds, just made and of no use, away again; itself too where it was not there before."""
+        with suppress(OSError), os.scandir(self.path) as entries:
+            for entry in entries:
+                with suppress(OSError):
+                    shutil.rmtree(entry) if entry.is_dir(follow_symlinks=False) else os.unlink(entry)
+        take_away(self.made)
 
     @classmethod
     def open(cls, path: Path) -> "RunFolder":

@@ -154,18 +154,19 @@ def replay_run(
     folder = None
     if out is not None or reader.header.is_import:
         folder = reader.folder.new_replay(out)
-        folder.write_configuration(configuration.text)
-    with nullcontext() if folder is None else folder.gone_if_interrupted():
+    with nullcontext() if folder is None else folder.whole_or_gone():
+        if folder is not None:
+            folder.write_configuration(configuration.text)
         Estimator.warm_up(configuration.slam)
         if folder is not None and start is not None:
             start.keep_in(folder)
         result = replay(reader, configuration, folder, verify, progress, start=start)
-    others = [*other_versions(reader.header.versions), *ignored_settings(reader.header.configuration_text)]
-    if result.difference and others:
-        result.difference += f" (recorded with other code: {'; '.join(others)})"
-    summary = summarise_replay(result, str(run), folder, configuration.sha256)
-    if folder is not None:
-        folder.write_summary(summary)
+        others = [*other_versions(reader.header.versions), *ignored_settings(reader.header.configuration_text)]
+        if result.difference and others:
+            result.difference += f" (recorded with other code: {'; '.join(others)})"
+        summary = summarise_replay(result, str(run), folder, configuration.sha256)
+        if folder is not None:
+            folder.write_summary(summary)
     return summary
 
 

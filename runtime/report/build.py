@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.measurements import Severity
-from runtime.atomic_write import atomic_write, beside
+from runtime.atomic_write import beside, write_together
 from runtime.errors import StorageError
 from runtime.record.folder import RunFolder
 from runtime.report.facts import RunFacts
@@ -38,14 +38,11 @@ def build_report(run: Path, out: Path | None = None) -> dict[str, Any]:
     html = RunFolder.open(run).path / HTML_NAME if out is None else out
     data = beside(html, ".json")
     examined = examine(run)
-    for path, text in (
-        (html, page(examined.facts, examined.findings, examined.figures)),
-        (data, json.dumps(examined.figures, indent=1, default=float) + "\n"),
-    ):
-        try:
-            atomic_write(path, text)
-        except OSError as error:
-            raise StorageError(f"{path} cannot be written ({error.strerror}); give another name with --out") from error
+    text = json.dumps(examined.figures, indent=1, default=float) + "\n"
+    try:
+        write_together({html: page(examined.facts, examined.findings, examined.figures), data: text})
+    except OSError as error:
+        raise StorageError(f"{html} cannot be written ({error.strerror}); give another name with --out") from error
     return {**examined.figures, "files": {"html": str(html), "json": str(data)}}
 
 

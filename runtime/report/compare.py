@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.atomic_write import atomic_write, beside
+from runtime.atomic_write import beside, write_together
 from runtime.errors import StorageError
 from runtime.record.folder import RunFolder
 from runtime.report.build import examine
@@ -63,8 +63,11 @@ def build_comparison(first: Path, second: Path, out: Path | None = None) -> dict
         "configuration": changed_keys(*facts),
         "files": {"html": str(page), "json": str(data)},
     }
-    _write(page, _page(facts, result))
-    _write(data, json.dumps(result, indent=1, default=float) + "\n")
+    text = json.dumps(result, indent=1, default=float) + "\n"
+    try:
+        write_together({page: _page(facts, result), data: text})
+    except OSError as error:
+        raise StorageError(f"{page} cannot be written ({error.strerror}); give another file with --out") from error
     return result
 
 
@@ -146,10 +149,3 @@ def _page(facts: tuple[RunFacts, RunFacts], result: dict[str, Any]) -> str:
         findings=list(zip_longest(*result["findings"], fillvalue="")),
         configuration=[(row["key"], *row["values"]) for row in result["configuration"]],
     )
-
-
-def _write(path: Path, content: str) -> None:
-    try:
-        atomic_write(path, content)
-    except OSError as error:
-        raise StorageError(f"{path} cannot be written ({error.strerror}); give another file with --out") from error

@@ -48,7 +48,7 @@ def serve_rover(
     """
     simulation, encoders = described(config, overrides)
     with ExitStack() as stack:
-        sent = None if record is None else stack.enter_context(SentBytes(record))
+        sent = None if record is None else stack.enter_context(SentBytes(record, stop))
         try:
             rover = Rover(simulation, encoders, time.monotonic_ns)
         except DriverError as error:

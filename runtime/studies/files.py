@@ -20,20 +20,21 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
     writer = csv.DictWriter(stream, names)
     writer.writeheader()
     writer.writerows(rows)
-    _write(path, stream.getvalue())
+    write(path, stream.getvalue())
 
 
 def write_json(path: Path, content: Any) -> None:
     """One JSON file. Raises StorageError."""
-    _write(path, json.dumps(content, indent=1) + "\n")
+    write(path, json.dumps(content, indent=1) + "\n")
 
 
 def write_text(path: Path, lines: Sequence[str]) -> None:
     """One text file. Raises StorageError."""
-    _write(path, "\n".join(lines) + "\n")
+    write(path, "\n".join(lines) + "\n")
 
 
-def _write(path: Path, text: str) -> None:
+def write(path: Path, text: str) -> None:
+    """A file whole or not at all. Raises StorageError."""
     try:
         atomic_write(path, text)
     except OSError as error:

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from runtime.atomic_write import atomic_write
 from runtime.bounded_read import read_bounded
 from runtime.errors import StorageError, UsageError
 from runtime.printable import printable
+from runtime.studies.files import write
 
 Result = dict[str, Any]
 Progress = Callable[[int, int], None]
@@ -51,13 +51,16 @@ def run_jobs(jobs: Sequence[Job], folder: Path, scheduler: str | None, progress:
     scheduler: address of a dask scheduler, "local" for all cores of this machine, None for this process.
     Raises UsageError when the extra is missing or no scheduler answers, StorageError for a file that is no result.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"{folder}: cannot be made ({error.strerror}); choose another --out") from error
     missing = {job.key: job for job in jobs if not _path(folder, job.key).exists()}
     done = len({job.key for job in jobs}) - len(missing)
     total = done + len(missing)
     progress(done, total)
     for key, result in _compute(missing, scheduler):
-        atomic_write(_path(folder, key), json.dumps(result))  # a cut-off call leaves no half result behind
+        write(_path(folder, key), json.dumps(result))  # a cut-off call leaves no half result behind
         done += 1
         progress(done, total)
     return [_result(_path(folder, job.key)) for job in jobs]

@@ -6,6 +6,7 @@ import time
 import msgpack
 import pytest
 
+from drivers.canbus.frame import CanFrame
 from drivers.canbus.loopback import free_port
 from drivers.measurements import SensorState
 from drivers.settings.can import BusSettings
@@ -98,3 +99,36 @@ def test_datagrams_that_are_no_frames_are_counted_and_cost_nothing(monkeypatch: 
 def test_a_reader_that_has_not_begun_is_starting_and_has_not_failed() -> None:
     health = CanEncoders(EncoderSettings(), time.monotonic_ns).health()
     assert (health.state, health.reason) == (SensorState.STARTING, "opening udp_multicast 239.74.163.2")
+
+
+class FloodedBus:
+    """Always has a frame of a stranger, 0.1 ms after the one before; the kernel throws others away."""
+
+    clock_jumps = 0
+
+    def __init__(self, *_: object) -> None:
+        self.received = 0
+
+    @property
+    def overflowed(self) -> int:
+        return self.received
+
+    def receive(self, _timeout_s: float) -> CanFrame:
+        self.received += 1
+        return CanFrame(self.received * 100_000, 0x7, bytes(8))
+
+    def send(self, _frame: CanFrame) -> None:
+        pass
+
+
+def test_who_floods_the_bus_gets_no_more_than_two_thousand_frames_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The reader never waited: on a busy machine it kept the interpreter from the loop, which missed beats."""
+    bus, waits = FloodedBus(), list[float]()
+    encoders = CanEncoders(EncoderSettings(bus=virtual_bus()), lambda: bus.received * 100_000)
+    monkeypatch.setattr(encoders._thread, "is_stopping", lambda: bus.received >= 20_000)
+    monkeypatch.setattr(encoders._thread, "wait", waits.append)
+    assert encoders._read(bus, 1.0)  # type: ignore[arg-type]
+    taken_s = 20_000 * 100e-6
+    assert sum(waits) > 18_000 / 2000 - taken_s  # all but those before the first look at what was thrown away
+    assert max(waits) < 0.1  # the wheels are judged meanwhile
+    assert encoders.health().counters["bus.overflow"] > 0

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from runtime.bridge.foxglove import FoxgloveOptions, FoxgloveServer, bridge_foxglove
+from runtime.bridge.foxglove import MOST_CLIENTS, FoxgloveOptions, FoxgloveServer, bridge_foxglove
 from runtime.bridge.topics import TOPICS
 from runtime.errors import SensorError
 from runtime.messages.definitions import deserialize
@@ -139,3 +139,31 @@ def test_clients_that_do_not_read_cost_little_memory_no_words_and_do_not_keep_it
         closing.join(WAIT_S)
         assert not closing.is_alive()
     assert "unknown channel" not in "".join(capfd.readouterr())
+
+
+def heard_by(client: socket.socket) -> bytes:
+    """Whatever has come until nothing more does."""
+    client.settimeout(0.5)
+    said = b""
+    with contextlib.suppress(TimeoutError):
+        while block := client.recv(1 << 16):
+            said += block
+    return said
+
+
+def test_of_any_number_of_clients_the_last_twenty_get_messages_and_the_others_when_those_have_gone() -> None:
+    """A hundred that did not read cost 130 MB."""
+    server = FoxgloveServer("r1", "127.0.0.1", 0)
+    writer = server.writer(TOPICS[0])
+    with contextlib.ExitStack() as clients:
+        clients.callback(server.close)
+        came = [clients.enter_context(contextlib.closing(deaf(server.port))) for _ in range(MOST_CLIENTS + 3)]
+        assert until(lambda: len(server.clients._topics) == len(came), WAIT_S)
+        assert len(server.clients.of(TOPICS[0].name)) == MOST_CLIENTS
+        writer.write(b"first message" * 4)
+        assert [b"first message" in heard_by(client) for client in came[:4]] == [False, False, False, True]
+        for client in came[4:]:
+            client.close()
+        assert until(lambda: len(server.clients.of(TOPICS[0].name)) == 4, WAIT_S)
+        writer.write(b"second message" * 4)
+        assert all(b"second message" in heard_by(client) for client in came[:4])
