@@ -170,7 +170,7 @@ class Estimator:
 
         # the way back, where the pose is in doubt or a place may be known
         points = NO_POINTS if laid is None else self._keyframes.thinned(laid).astype(np.float32)
-        seen = ScanSeen(scan.stamp_ns, increment.mean, increment.covariance, rows, sight, seen_share, points)
+        seen = ScanSeen(scan.stamp_ns, increment.mean, increment.covariance, rows, sight, seen_share, points, laid)
         keyframes, progress = self._keyframes, self._relocaliser.here.progress
         recognition = self._relocaliser.step(seen, matched, self._quality)
         told = (seen, measured, self._odometry.odom_from_body, matched, keyframes.take_fits(), progress)

@@ -48,7 +48,7 @@ class ByScans:
         if not islands:
             return None
         self._stretch.add(seen.increment_mean, seen.points_m)
-        self._planned_m += math.hypot(*seen.increment_mean[:2].tolist())
+        self._planned_m += seen.way_m
         for island in islands:
             is_stale = source is island.joint and self._planned_m > REPLAN_M
             if island.number not in self._plans or is_stale:

@@ -1,15 +1,18 @@
 """One of the maps that the rover knows: how it is recognised, and how what is around the rover becomes part of it."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from drivers.measurements import FloatArray, IntArray
 from slam.arithmetic.small_matrices import squared_distance
 from slam.estimate import MapProgress
+from slam.front_end.deskew import Beams
 from slam.joint.atlas import AWAY
 from slam.joint.gaussian import CONFIRMED_LOG_ODDS, KEYFRAME, JointGaussian
 from slam.joint.state import JointState
-from slam.keyframes.keyframes import Keyframes
+from slam.keyframes.keyframes import METRES_PER_RAD, Keyframes
 from slam.maps.joint_map import JointMap, take_map
 from slam.maps.views import NO_VIEWS, Views
 from slam.pose import Pose2, wrap_rad
@@ -22,6 +25,7 @@ from slam.relocalise.joint_compatibility import Conditioned
 from slam.relocalise.rooting import Rooting
 
 MODELLED_SQUARE = 16.3  # chi square of three coordinates, 99.9 %: within it the pose drifted as far as was thought
+REMEMBER_EVERY, REMEMBER_EVERY_M = 10, 1.0  # scans or way, the map is copied while it is right: some ms if it is large
 HEADING_RADPM = 0.1  # times the scale's sigma: what a recognised heading may be off by
 
 
@@ -37,8 +41,9 @@ class Remembered:
 @dataclass(slots=True, eq=False)
 class Island:
     """number: its map id. index: of its rooted landmarks. tried: the local landmarks of the last attempt in it.
-    remembered: how it was when the rooted part was last in view and the pose beyond doubt. is_saved: of an earlier
-    drive; it takes others in and is never taken into one. saved_views: of that drive.
+    remembered: how it was when rooted landmarks or walls of it were last in view and the pose beyond doubt; asked_scan,
+    way_m: when that was last asked, and the way and turns since. is_saved: of an earlier drive; it takes others in and
+    is never taken into one. saved_views: of that drive.
     """
 
     number: int
@@ -51,6 +56,8 @@ class Island:
     remembered: Remembered | None = None
     is_saved: bool = False
     saved_views: Views = NO_VIEWS
+    asked_scan: int = 0
+    way_m: float = 0.0
 
     def views(self, source: JointGaussian | None = None) -> Views:
         """What was seen from where while the map was right for certain; for a source that is this map itself, from
@@ -76,6 +83,20 @@ class Island:
         rows = np.flatnonzero(confirmed & self.rooting.is_rooted(atlas.identities))
         return self.index.follow(atlas.identities[rows], state.settled_means()[rows], most_changes)
 
+    def take(self, moved: FloatArray, laid: Beams | None, matched: IntArray) -> None:
+        """One scan while the pose was beyond doubt, after a motion (3,): the map is remembered where its landmarks are
+        rooted, or where the scan, by its beams, lies on walls that were right. matched (K,): identities or verdicts.
+        """
+        joint = self.joint
+        is_rooted = self.rooting.add(joint.scans, matched, joint.landmark_count, len(self.keyframes))
+        self.way_m += math.hypot(moved[0], moved[1]) + METRES_PER_RAD * abs(float(moved[2]))
+        if joint.scans - self.asked_scan < REMEMBER_EVERY and self.way_m < REMEMBER_EVERY_M:
+            return
+        if is_rooted or laid is not None:
+            self.asked_scan, self.way_m = joint.scans, 0.0
+        if is_rooted or (laid is not None and self.keyframes.lies_on(laid, self.rooted_scans)):
+            self.remember()
+
     @property
     def rooted_scans(self) -> int:
         """How many scans the map had when it was right for certain."""
@@ -87,13 +108,9 @@ class Island:
         scans = self.joint.scans
         return MapProgress(self.number, scans, len(self.keyframes), scans - self.rooted_scans)
 
-    def remember(self, every_scans: int = 0) -> None:
-        """The map is right as it is. A slip bends it by chance matches before anybody can notice.
-
-        every_scans: nothing is done before so many scans have come since the last time: it is a copy of the map.
-        """
-        if self.remembered is None or self.joint.scans - self.remembered.scans >= every_scans:
-            self.remembered = Remembered(self.joint.state.copied(), self.joint.scans, len(self.keyframes))
+    def remember(self) -> None:
+        """The map is right as it is. A slip bends it by chance matches before anybody can notice."""
+        self.remembered = Remembered(self.joint.state.copied(), self.joint.scans, len(self.keyframes))
 
     def restore(self) -> None:
         """The map as it is remembered: the pose may have been wrong since then."""

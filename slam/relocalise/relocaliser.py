@@ -32,7 +32,6 @@ from slam.settings.slam import SlamSettings
 
 WIDE_M = 1.0  # sigma of the position, from which on the map is searched for what is around
 FOLLOW_EVERY = 10  # scans, the index is brought up to date
-REMEMBER_EVERY = 10  # scans, at the least, the map is copied while it is right
 MOST_CHANGES = 64  # of an index in a scan
 NEW_MAP_M, NEW_MAP_NS = 30.0, 60_000_000_000  # lost on new ground for so long, a new map begins
 LEAST_LANDMARKS = 6  # of a new map
@@ -75,13 +74,11 @@ class Relocaliser:
 
         On a recognition, or where a new map was begun, `here` is another map or another pose in it.
         """
-        here, joint = self.here, self.here.joint
         self._by_landmarks.follow(Pose2(*seen.increment_mean.tolist()))
-        keyframes = len(here.keyframes)
-        if not quality.is_doubted and here.rooting.add(joint.scans, matched, joint.landmark_count, keyframes):
-            here.remember(REMEMBER_EVERY)
+        if not quality.is_doubted:
+            self.here.take(seen.increment_mean, seen.laid, matched)
         self._follow_local(seen, quality)
-        before = joint.map_from_body
+        before = self.here.joint.map_from_body
         by_scans = self._look_by_scans(seen)
         place = self._look_by_landmarks(seen.stamp_ns) or by_scans
         recognition = None if place is None else self._go_to(place)
@@ -194,7 +191,8 @@ class Relocaliser:
         if local is None or first:
             settings = self._settings
             made = JointGaussian(settings.joint, self._mount, settings.tuning())
-            begun = LocalMap(made, QualityMonitor(settings.quality), joint, seen.stamp_ns)
+            keyframes, monitor = Keyframes(made, self._mount), QualityMonitor(settings.quality)
+            begun = LocalMap(made, keyframes, monitor, joint, seen.stamp_ns)
             if local is not None:
                 begun.since_ns, begun.driven_m = local.since_ns, local.driven_m
             self._local = local = begun
@@ -227,6 +225,8 @@ class Relocaliser:
             here = self.here
             is_wide = math.sqrt(here.joint.covariance[:2, :2].trace()) > WIDE_M
             islands = ((here,) if is_wide else ()) + (() if here.is_saved else tuple(self._others))
+        else:
+            seen = self._local.as_moved(seen)
         return self._by_scans.step(seen, self._source, islands)
 
     def _go_to(self, place: Place) -> Recognition | None:
@@ -278,8 +278,8 @@ class Relocaliser:
         self.awaits_saved |= self.here.is_saved and quality.is_told  # who was told wrongly was told nothing
         self._put_aside(self.here)
         self._last_number += 1
-        self.here = self._island(self._last_number, local.joint)
-        self.here.rooting.root(local.joint.scans, 0)
+        self.here = Island(self._last_number, local.joint, local.keyframes, MapIndex(self._scale))
+        self.here.rooting.root(local.joint.scans, len(local.keyframes))
         return Recognition(self.here.number, is_new=True)
 
     def _put_aside(self, island: Island) -> None:

@@ -4,6 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from slam.front_end.deskew import Twist, deskew
+from slam.joint.gaussian import JointGaussian
 from slam.keyframes.keyframes import Keyframes
 from slam.observations import IDENTITIES_PER_SCAN, Sighting
 from slam.pose import Pose2
@@ -12,7 +14,10 @@ from slam.recognise.local_points import local_points
 from slam.recognise.map_index import MapIndex
 from slam.recognise.scale import Scale
 from slam.relocalise.island import Island
+from slam.settings.joint import JointSettings
+from slam.settings.slam import SlamSettings
 from tests.slam.relocalise.test_relocaliser import PARK, RADIUS_M
+from tests.support.slam.corridor import drive_round
 from tests.support.slam.tree_drive import SETTINGS, TreeDrive
 
 SCALE = Scale.of(SETTINGS)
@@ -139,3 +144,33 @@ def test_a_loop_within_what_the_drift_may_be_is_closed_without_disbelief(drift_m
         assert joint.landmark_count == before - len(closed.kept)
         assert drive.error_m() < 0.3
         assert island.rooting.before_scan == joint.scans
+
+
+@pytest.mark.parametrize("is_off", [False, True])
+def test_a_map_is_remembered_while_scans_lie_on_its_walls_though_no_landmark_is_found_again(
+    is_off: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a building whose corners are seldom found again, only the beginning was known when the rover was carried."""
+    monkeypatch.setattr(JointGaussian, "landmark_count", property(lambda _: 20))
+    mount, no_matches = Pose2(0.1, 0.0, 0.0), np.full(3, -1)
+    joint = JointGaussian(JointSettings(), mount, SlamSettings().tuning())
+    island = Island(1, joint, Keyframes(joint, mount), MapIndex(SCALE))
+    before = None
+    for stop in drive_round(1, 0.3, mount):
+        moved = Pose2() if before is None else before.map_from_body.inverse() @ stop.map_from_body
+        joint.predict(moved.as_array(), np.diag(np.square((0.02, 0.02, 0.02))))
+        beams = deskew(stop.scan, Twist(), mount, 0.1, 20.0)
+        island.keyframes.constrain(beams)
+        island.keyframes.keep(beams)
+        joint.scans += 1
+        if is_off and joint.scans == 12:  # nobody notices; the walls do not fit from here on
+            joint.state.mean[:2] += (5.0, 3.0)
+        if joint.scans == 1:
+            island.rooting.root(1, 1)
+        else:
+            island.take(moved.as_array(), beams, no_matches)
+        before = stop
+    remembered = 1 if island.remembered is None else island.remembered.keyframes
+    assert len(island.keyframes) > 10
+    assert (remembered >= len(island.keyframes) - 3) is not is_off
+    assert len(island.views()) == remembered
