@@ -6,9 +6,11 @@ The compiled code is cached on disk; the folder is chosen here, before the first
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+from numba.core.caching import FunctionCache
 
 from slam.kernel_cache import use_compile_cache
 
@@ -18,10 +20,25 @@ Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 
 
+_FunctionCache: Any = FunctionCache  # its methods have no types
+
+
+class _Cache(_FunctionCache):  # type: ignore[misc]
+    """A disk that is full costs the next start its time, and does not stop this one."""
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        with suppress(OSError):
+            super().save_overload(sig, data)
+
+
+def _kept(compiled: Any, function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    compiled._cache = _Cache(function)
+    return cast(Callable[Parameters, Result], compiled)
+
+
 def kernel(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Compile with numba, keeping the signature visible to the type checker."""
-    compiled = numba.njit(cache=True, error_model="numpy", fastmath=False)(function)
-    return cast(Callable[Parameters, Result], compiled)
+    return _kept(numba.njit(cache=True, error_model="numpy", fastmath=False)(function), function)
 
 
 def leaf(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
@@ -31,12 +48,10 @@ def leaf(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]
     without its memory runtime there is nothing to count, and an allocation is refused when it is compiled.
     """
     options: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False, "_nrt": False}
-    compiled = numba.njit(**options)(function)
-    return cast(Callable[Parameters, Result], compiled)
+    return _kept(numba.njit(**options)(function), function)
 
 
 def inlined(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """A leaf whose code stands in its caller: for what runs once per feature and takes many numbers as arguments."""
     options: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False, "_nrt": False}
-    compiled = numba.njit(**options, forceinline=True)(function)
-    return cast(Callable[Parameters, Result], compiled)
+    return _kept(numba.njit(**options, forceinline=True)(function), function)

@@ -70,6 +70,9 @@ def build_review(
         raise StorageError(f"{out_rrd} cannot be written ({error.strerror}); free space or check the mount") from error
 
 
+ENDS_S = 10.0  # after which a process that was told to end is ended
+
+
 @contextmanager
 def drawn_meanwhile(run: Path, out_rrd: Path) -> Iterator[Callable[[str], None]]:
     """Make review.rrd again in a process of its own, which ends with the verdict that is given to what this yields.
@@ -99,7 +102,10 @@ def drawn_meanwhile(run: Path, out_rrd: Path) -> Iterator[Callable[[str], None]]
             with suppress(OSError):
                 process.stdin.close()  # who waits for a verdict ends by that, who draws by the signal
             process.terminate()
-            process.wait()
+            try:
+                process.wait(ENDS_S)
+            except subprocess.TimeoutExpired:  # a library waits for something that does not come
+                process.kill()
 
 
 def _draw(run: Path, out_rrd: Path, asked: IO[bytes]) -> InfantError | None:

@@ -41,7 +41,7 @@ BATCH_TICKS = 10  # ticks per write: 1 s, which a power cut loses ...
 AFTERWARDS_TICKS = 300  # ... thirty times as many where nothing can be lost: fewer chunks, which cost most ...
 LIVE_TICKS = 2  # ... 0.2 s for who looks on
 TRACE_STEP = 3  # every third point of a scan: a wall stays a wall
-FLUSH_S = 30.0
+FLUSH_S, FIRST_BYTES = 30.0, 256 * 1024  # rerun waits for ever where its first words find no room
 QUALITY_LEVELS = {Quality.TRACKING: "INFO", Quality.UNCERTAIN: "WARN", Quality.LOST: "ERROR"}
 PATHS = ("SLAM", "odometry", "truth")
 
@@ -119,10 +119,10 @@ class ReviewWriter:
         recording = rr.RecordingStream("infant", recording_id=f"infant-{self._name}")
         try:
             if self._viewer_url is not None:
-                recording.connect_grpc(
-                    self._viewer_url, default_blueprint=layout(self._state.extent, False, is_live=True)
-                )
+                live = layout(self._state.extent, False, is_live=True)
+                recording.connect_grpc(self._viewer_url, default_blueprint=live)
             else:  # the footer's manifest of all chunks stays in memory until the file is closed: 3 MB a minute
+                self._path.write_bytes(bytes(FIRST_BYTES))
                 recording.save(self._path, layout(self._state.extent, True), write_footer=True)
         except (RuntimeError, OSError) as error:
             raise StorageError(f"{self._path} cannot be written ({error}); give a writable folder") from error

@@ -2,6 +2,7 @@
 
 import math
 import resource
+import time
 from collections import defaultdict
 from dataclasses import replace
 from itertools import pairwise
@@ -18,6 +19,7 @@ from runtime.errors import StorageError
 from runtime.messages.tick import Gap, Record, encode_gap, encode_tick
 from runtime.review.columns import ellipse_axes, mixed
 from runtime.review.layout import Extent
+from runtime.review.rebuild import drawn_meanwhile
 from runtime.review.ticks import ELAPSED, TICK, BeamPoints, Motion, TickAssembler
 from runtime.review.writer import ReviewWriter
 from runtime.settings.review import ReviewSettings
@@ -230,6 +232,32 @@ def test_a_disk_that_fills_up_is_one_sentence_at_the_end(records: list[Record], 
             writer.close()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("room", [0, 3000, 20_000, 60_000])
+def test_a_disk_that_is_full_from_the_start_is_one_sentence(tmp_path: Path, room: int) -> None:
+    """rerun waited for ever for its layout to be written, and who waited for the picture with it."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
+    try:
+        with pytest.raises(StorageError, match="cannot be written"):
+            ReviewWriter(tmp_path / "review.rrd", ReviewSettings())
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.timeout(30)
+def test_a_process_that_does_not_end_when_it_is_told_to_is_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deaf, ready = tmp_path / "deaf", tmp_path / "ready"
+    deaf.write_text(f"#!/bin/sh\ntrap '' TERM\ntouch {ready}\nexec sleep 60\n")
+    deaf.chmod(0o700)
+    monkeypatch.setattr("runtime.review.rebuild.ENDS_S", 0.1)
+    monkeypatch.setattr("sys.executable", str(deaf))
+    with drawn_meanwhile(tmp_path, tmp_path / "review.rrd"):
+        while not ready.exists():  # who looked at the run has ended
+            time.sleep(0.01)
 
 
 def test_a_beam_is_drawn_where_the_laser_was_when_it_was_taken() -> None:
