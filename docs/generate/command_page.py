@@ -55,6 +55,7 @@ def _exit_codes() -> str:
 ## Exit codes
 
 0 is done; 1 is an answer that is no: `replay --verify` found a difference, `review --fail-on` a finding.
+The node that `infant bridge rclpy` writes ends with 1 where ROS 2, the package zenoh or the rover is not there.
 The others are errors, each with one sentence on standard error; see [troubleshooting](../troubleshooting.md).
 
 | code | error | |

@@ -74,6 +74,11 @@ def bus_off_advice(bus: BusSettings) -> str:
     return f"{where}: bus-off after too many errors; if it does not restart by itself: {restart}"
 
 
+def up_command(bus: BusSettings) -> str:
+    """What brings a SocketCAN interface up until the next boot."""
+    return f"sudo ip link set {bus.channel} up type can bitrate {bus.bitrate} restart-ms 100"
+
+
 def _install_advice(interface: str) -> str:
     """What brings an interface: an extra of python-can where there is one."""
     extras = metadata.metadata("python-can").get_all("Provides-Extra") or []
@@ -87,8 +92,7 @@ def _create_advice(bus: BusSettings) -> str:
         return f"plug in the adapter, or set channel in [encoders.bus]; devices: ls {_folder(bus.channel)}"
     if bus.channel.startswith("vcan"):
         return f"create it with: sudo ip link add {bus.channel} type vcan && sudo ip link set {bus.channel} up"
-    options = f"type can bitrate {bus.bitrate} restart-ms 100"
-    return f"plug in the adapter and type: sudo ip link set {bus.channel} up {options}"
+    return f"plug in the adapter and type: {up_command(bus)}"
 
 
 def _permission_advice(bus: BusSettings) -> str:

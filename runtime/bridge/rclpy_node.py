@@ -164,18 +164,29 @@ class Bridge:
             publisher.publish(data)
 
 
+def reason(error: Exception) -> str:
+    """What went wrong without the places in zenoh's source."""
+    return re.sub(r" at /\S+:\d+\.?", "", str(error)).strip()
+
+
 def session_of(zenoh: Any, options: argparse.Namespace) -> Any:
-    """A client of the rover."""
-    config = zenoh.Config.from_file(options.zenoh) if options.zenoh else zenoh.Config()
-    config.insert_json5("mode", '"client"')
-    config.insert_json5("connect/endpoints", '["' + options.connect + '"]')
+    """A client of the rover. Ends the program with 2 where an option is of no use, with 1 where nobody answers."""
+    option = "--zenoh " + str(options.zenoh)
+    try:
+        config = zenoh.Config.from_file(options.zenoh) if options.zenoh else zenoh.Config()
+        config.insert_json5("mode", '"client"')
+        option = "--connect " + options.connect
+        config.insert_json5("connect/endpoints", json.dumps([options.connect]))
+    except zenoh.ZError as error:
+        sys.stderr.write("infant_bridge: " + option + ": " + reason(error) + "; correct it\n")
+        sys.exit(2)
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("transport/link/rx/max_message_size", str(MOST_WAITING_BYTES))
     config.insert_json5("connect/retry", "{period_init_ms:500,period_max_ms:1000,period_increase_factor:2}")
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
-        sys.exit("infant_bridge: " + options.connect + ": no connection (" + str(error) + "); give --connect")
+        sys.exit("infant_bridge: " + options.connect + ": no connection (" + reason(error) + "); give --connect")
 
 
 def follow(zenoh: Any, session: Any, rover: str, node: Any, bridge: Bridge, stop: threading.Event) -> None:

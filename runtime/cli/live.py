@@ -19,7 +19,10 @@ Config = Annotated[
 ]
 Out = Annotated[Path | None, typer.Option("--out", help="folder of the run; created, never overwritten")]
 Seed = Annotated[int | None, typer.Option("--seed", help="seed of the filter and of the simulated world")]
-Set = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override one key; repeatable")]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="override one key of the configuration; repeatable"),
+]
 
 
 def run(
@@ -224,7 +227,7 @@ def status(
     watch: Annotated[bool, typer.Option("--watch", help="repeat every second until Ctrl-C")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Show the state of every running rover, over zenoh: state, reasons, pose, sensors, sinks."""
+    """Show the state of every running rover, over zenoh: state, reasons, pose, sensors, outputs."""
     from runtime.errors import SensorError
     from runtime.publish import status as rovers
 

@@ -35,10 +35,15 @@ def replay(
     out: Annotated[Path | None, typer.Option("--out", help="folder for the replayed run; never overwritten")] = None,
     verify: Annotated[bool, typer.Option("--verify", help="compare with the record, bit for bit")] = False,
     seed: Annotated[int | None, typer.Option("--seed", help="use another seed for the filter")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override one key")] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="override one key of the configuration; repeatable"),
+    ] = None,
     without: Annotated[
         list[str] | None,
-        typer.Option("--without", metavar="TECHNIQUE", help="switch one off: difference, sparse, density, ..."),
+        typer.Option(
+            "--without", metavar="TECHNIQUE", help="switch off one of the paper's techniques: difference, sparse, ..."
+        ),
     ] = None,
     map_: BeginIn = None,
     localise_only: LocaliseOnly = False,

@@ -117,7 +117,9 @@ def paper(
 def sweep(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN", help="folders of recorded runs")],
     out: Annotated[Path, typer.Option("--out", help="folder for the table; finished jobs are kept")],
-    set_: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=V1,V2", help="values of one key")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=V1,V2", help="values of one key of the configuration")
+    ] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, max=1000, help="seeds of the filter, counted from 1")] = 5,
     scheduler: Scheduler = "local",
     as_json: AsJson = False,
@@ -178,7 +180,8 @@ def rate(
         bool, typer.Option("--privileges/--no-privileges", help="use real-time priority and locked memory")
     ] = True,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override one key; repeatable")
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="override one key of the configuration; repeatable"),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -201,12 +204,13 @@ def soak(
         Path | None, typer.Option("--out", help="folder in which to keep the run; default: it is not kept")
     ] = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="override one key; repeatable")
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="override one key of the configuration; repeatable"),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate hours of driving with a clock that skips sleep; print memory growth, leaked descriptors and missed
-    beats.
+    """Simulate hours of driving with a clock that skips sleep; print memory growth, files left open,
+    and missed cycles of the loop.
     """
     from runtime.cli.live import stop_on_signals
     from runtime.studies.soak.soak import soak as drive_long

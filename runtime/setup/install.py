@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
+from drivers.canbus.advice import up_command
 from drivers.settings.can import BusSettings
 from runtime.atomic_write import atomic_write
 from runtime.bounded_read import read_bounded
@@ -92,7 +93,7 @@ def plan_install(root: Path, program: Path, configuration: Path | None = None) -
         files += _layout_file(configured, source, root, program)
     if root == Path("/"):
         live = _live_commands()
-        notes += _live_notes()
+        notes += _live_notes(bus)
     else:
         live = ()
         notes += ("the kernels of the filter are compiled before the first start, which takes half a minute",)
@@ -202,10 +203,12 @@ def _live_commands() -> tuple[Command, ...]:
     return (*commands, ("systemctl", "restart", "infant-warmup.service"))
 
 
-def _live_notes() -> tuple[str, ...]:
+def _live_notes(bus: BusSettings | None) -> tuple[str, ...]:
     notes = []
-    if not _is_active("systemd-networkd.service"):
-        notes.append("systemd-networkd is not active: enable it, or bring up can0 yourself (bit rate, restart-ms)")
+    if bus is not None and bus.interface == "socketcan" and not _is_active("systemd-networkd.service"):
+        notes.append(
+            f"systemd-networkd is not active: enable it, or bring {bus.channel} up after each boot: {up_command(bus)}"
+        )
     if _is_active("infant.service"):
         notes.append("infant still runs the previous installation; 'systemctl restart infant' starts the new one")
     else:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zenoh
 from typer.testing import CliRunner
 
 from runtime.bridge import rclpy_node
@@ -214,3 +215,22 @@ def test_a_typed_reader_of_dds_reads_what_was_written_raw() -> None:
 def test_json_of_the_command_is_one_object(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["bridge", "rclpy", "--out", str(tmp_path / "b.py"), "--json"])
     assert json.loads(result.stdout)["file"].endswith("b.py")
+
+
+@pytest.mark.parametrize(
+    ("connect", "file", "code", "sentence"),
+    [
+        ("nonsense", None, 2, "--connect nonsense: "),
+        ("tcp/127.0.0.1:7448", "nowhere.json5", 2, "--zenoh nowhere.json5: No such file"),
+        ("tcp/127.0.0.1:1", None, 1, "tcp/127.0.0.1:1: no connection"),
+    ],
+)
+def test_the_node_ends_with_one_sentence_where_it_cannot_begin(
+    connect: str, file: str | None, code: int, sentence: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        rclpy_node.session_of(zenoh, argparse.Namespace(connect=connect, zenoh=file))
+    said = capsys.readouterr().err if code == 2 else str(ended.value.code)
+    assert (ended.value.code == 2) == (code == 2)
+    assert said.startswith(f"infant_bridge: {sentence}")
+    assert " at /" not in said

@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import shutil
 import warnings
 import zipfile
@@ -19,6 +20,7 @@ from runtime.errors import DataSetError, InfantError
 from runtime.importers.archive import load_archive
 from runtime.importers.data_set import import_data_set
 from runtime.record.reader import RunReader
+from runtime.source_tree import CONFIG, ROOT
 from tests.support.runtime.data_sets import META, POSES, SCANS, write_set
 
 ROWS = len(POSES["odom_t"])
@@ -344,3 +346,14 @@ def test_more_rows_or_beams_than_so_few_bytes_hold_of_a_recording_are_refused(
     np.savez_compressed(tmp_path / "set.npz", meta=np.array(json.dumps(META)), **(SCANS | POSES | arrays))
     with pytest.raises(DataSetError, match=rf"holds \d+ {told}, expected at most \d+ in \d+ bytes"):
         load_archive(tmp_path / "set.npz")
+
+
+def test_the_arrays_that_the_page_makes_of_a_csv_become_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    block = re.search(
+        r"^```python\n(.*?)^```$", (ROOT / "docs/data_sets.md").read_text("utf-8"), re.MULTILINE | re.DOTALL
+    )
+    assert block is not None
+    exec(compile(block[1], "docs/data_sets.md", "exec"), {})  # noqa: S102 our own page
+    result = import_data_set(tmp_path / "yard.npz", tmp_path / "run", CONFIG / "carmen.toml")
+    assert (result["scans"], result["wheel_samples"], result["mount"]["x_m"]) == (200, 200, 0.2)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from drivers.settings.can import BusSettings
 from drivers.wheels.layouts.choose import ROVER_DBC
 from runtime.errors import ConfigurationError, PreflightError, StorageError
 from runtime.settings.configuration import load_configuration
@@ -89,6 +90,13 @@ def test_a_configuration_that_cannot_be_used_stops_it_before_anything_is_written
     with pytest.raises(ConfigurationError, match=r"rover\.toml: loop\.rate = 10: unknown key; did you mean rate_hz"):
         install.plan_install(root, SHIPPED_PROGRAM)
     assert [path for path in root.rglob("*") if path.is_file()] == [root / CONFIGURATION]
+
+
+def test_a_rover_whose_can_nobody_brings_up_is_told_how_with_its_own_bus(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(install, "_is_active", lambda unit: False)
+    notes = install._live_notes(BusSettings(interface="socketcan", channel="can1", bitrate=250_000))
+    assert "bring can1 up after each boot: sudo ip link set can1 up type can bitrate 250000 restart-ms 100" in notes[0]
+    assert not any("networkd" in note for note in install._live_notes(BusSettings(interface="slcan", channel="/dev/x")))
 
 
 def test_units_start_the_program_from_where_it_is(tmp_path: Path) -> None:
