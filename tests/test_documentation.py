@@ -285,7 +285,7 @@ def test_the_example_reads_the_pose_of_a_rover() -> None:
         printed = reader.communicate()[0].splitlines()
     assert reader.returncode == 0
     assert [line.split()[0] for line in printed] == ["infant/r1/pose"] * 3
-    assert all(len([float(word) for word in line.split()[1:]]) == 4 for line in printed)
+    assert all(len([float(word) for word in line.split()[1:]]) == 6 for line in printed)
 
 
 def test_the_map_has_every_folder_with_the_question_that_its_door_asks() -> None:
