@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.begin_in import BeginIn, LocaliseOnly, StartAt
+from runtime.cli.live import Set
 from runtime.cli.output import answer, say, say_json
 from runtime.cli.progress import LONGEST_S, AsJson, busy, progress_bar
 from runtime.errors import InfantError, StorageError, UsageError
@@ -35,10 +36,7 @@ def replay(
     out: Annotated[Path | None, typer.Option("--out", help="folder for the replayed run; never overwritten")] = None,
     verify: Annotated[bool, typer.Option("--verify", help="compare with the record, bit for bit")] = False,
     seed: Annotated[int | None, typer.Option("--seed", help="use another seed for the filter")] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="override one key of the configuration; repeatable"),
-    ] = None,
+    set_: Set = None,
     without: Annotated[
         list[str] | None,
         typer.Option(

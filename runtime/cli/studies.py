@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from runtime.cli.live import Set
 from runtime.cli.output import answer, say, say_json
 from runtime.cli.progress import AsJson, progress_bar
 from runtime.errors import UsageError
@@ -179,10 +180,7 @@ def rate(
     privileges: Annotated[
         bool, typer.Option("--privileges/--no-privileges", help="use real-time priority and locked memory")
     ] = True,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="override one key of the configuration; repeatable"),
-    ] = None,
+    set_: Set = None,
     as_json: AsJson = False,
 ) -> None:
     """Run while other processes keep the computer busy; print how well the loop kept its rate and what each stage
@@ -203,14 +201,11 @@ def soak(
     out: Annotated[
         Path | None, typer.Option("--out", help="folder in which to keep the run; default: it is not kept")
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="override one key of the configuration; repeatable"),
-    ] = None,
+    set_: Set = None,
     as_json: AsJson = False,
 ) -> None:
-    """Simulate hours of driving with a clock that skips sleep; print memory growth, files left open,
-    and missed cycles of the loop.
+    """Simulate hours of driving with a clock that skips sleep; print memory growth, file
+    descriptors left open, and missed cycles of the loop.
     """
     from runtime.cli.live import stop_on_signals
     from runtime.studies.soak.soak import soak as drive_long
