@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.begin_in import BeginIn, LocaliseOnly, StartAt
-from runtime.cli.live import Set
+from runtime.cli.live import Set, stop_on_signals
 from runtime.cli.output import answer, say, say_json
 from runtime.cli.progress import LONGEST_S, AsJson, busy, progress_bar
 from runtime.errors import InfantError, StorageError, UsageError
@@ -39,9 +39,7 @@ def replay(
     set_: Set = None,
     without: Annotated[
         list[str] | None,
-        typer.Option(
-            "--without", metavar="TECHNIQUE", help="switch off one of the paper's techniques: difference, sparse, ..."
-        ),
+        typer.Option("--without", metavar="TECHNIQUE", help="switch off a technique of the paper: difference, ..."),
     ] = None,
     map_: BeginIn = None,
     localise_only: LocaliseOnly = False,
@@ -232,7 +230,6 @@ def view(
 def _view_live(
     connect: str | None, rover: str | None, zenoh_file: Path | None, web: bool, screenshot: Path | None, as_json: bool
 ) -> None:
-    from runtime.cli.live import stop_on_signals
     from runtime.optional_packages import needs
 
     if screenshot is not None:
