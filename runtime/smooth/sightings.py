@@ -1,7 +1,7 @@
 """What the filter was told in a run, scan by scan: motions, which landmark was seen how, and where it put the rover."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from slam.estimator import Estimator
 from slam.observations import IDENTITIES_PER_SCAN, NEW
 from slam.pose import Pose2, composed, inverted
 from slam.relocalise.local_map import ScanTaken
+from slam.scan_search.stretch import NO_POINTS
 
 TICKS_A_REPORT = 25
 
@@ -90,9 +91,9 @@ class Witness:
         self._final = np.zeros(0, dtype=np.int64)
 
     def take(self, taken: ScanTaken) -> None:
-        """One scan."""
+        """One scan; its beams, 60 kB, are not kept."""
         number, before = len(self._scans), taken.before
-        self._scans.append(taken)
+        self._scans.append(replace(taken, seen=replace(taken.seen, laid=None, points_m=NO_POINTS)))
         self._lost.append(True)
         self._rows.append(_sightings(number, taken))
         keyframes = self._keyframes.setdefault(before.map_id, [])

@@ -70,7 +70,13 @@ class LocalPoints:
 
     def nearest(self, count: int) -> "LocalPoints":
         """So many of them, or all."""
-        kept = np.sort(np.argsort(lengths(self.points_m), kind="stable")[:count])
+        return self._only(np.sort(np.argsort(lengths(self.points_m), kind="stable")[:count]))
+
+    def within(self, reach_m: float, also: IntArray) -> "LocalPoints":
+        """Those no farther away than that, and those of these identities."""
+        return self._only(np.flatnonzero((lengths(self.points_m) <= reach_m) | np.isin(self.identities, also)))
+
+    def _only(self, kept: IntArray) -> "LocalPoints":
         both = np.column_stack((2 * kept, 2 * kept + 1)).ravel()
         covariance = self.covariance_m2[np.ix_(both, both)]
         return LocalPoints(self.identities[kept], self.points_m[kept], covariance, self.log_odds[kept])

@@ -155,6 +155,8 @@ class Island:
         joint, scale, since = self.joint, self.index.scale, self.rooted_scans
         keyframes = self.rooting.keyframes if self.remembered is None else self.remembered.keyframes
         points = local_points(source.state, scale, since if source is joint else 0)
+        if source is joint:  # what is farther away may have been passed before the pose went wrong
+            points = points.within(reach_m, found.local)
         here = source.map_from_body
         new_from_old = map_from_body @ here.inverse()
         along = [far_landmarks(joint, since, points.identities, here, reach_m).turned(new_from_old, FAR_MOST_M)]
