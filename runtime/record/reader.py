@@ -139,7 +139,8 @@ class RunReader:
     def _paths_now(self) -> Iterator[Path]:
         """Of every segment, with those that a recorder has closed while the others were read."""
         yield from (read := self._paths[:-1])
-        self._paths = read + [path for path in self.folder.segment_paths() if path not in read] or self._paths
+        known = set(read)
+        self._paths = read + [path for path in self.folder.segment_paths() if path not in known] or self._paths
         yield from self._paths[len(read) :]
 
     def _believable(self, file: McapPrefix, topics: Collection[str] | None) -> Iterator[Record]:
