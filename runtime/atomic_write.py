@@ -61,11 +61,14 @@ def replacement(path: Path) -> Iterator[Path]:
                 open(os.open(name, WRITE_FLAGS, dir_fd=folder), "wb") as target,
             ):
                 shutil.copyfileobj(source, target)
+                target.flush()
+                os.fsync(target.fileno())
         return
     with _replacing(path) as (folder, name):
         beside = path.with_name(name)
         # libraries of other languages take names in UTF-8 only
         yield beside if str(beside).isascii() or _is_utf8(beside) else Path(f"/proc/self/fd/{folder}/{name}")
+        _sync_file(name, folder)
 
 
 def _is_utf8(path: Path) -> bool:
@@ -105,7 +108,7 @@ def _is_of_another(status: os.stat_result) -> bool:
 
 @contextmanager
 def _replacing(path: Path) -> Iterator[tuple[int, str]]:
-    """Descriptor of the folder, and the name of a new file in it, which nobody can foresee."""
+    """Descriptor of the folder, and the name of a new file in it, which nobody can foresee; who writes it syncs it."""
     _refuse_device(path)
     folder = os.open(path.parent, FOLDER_FLAGS)
     name = f".{path.name}.{secrets.token_hex(8)}.unfinished"
@@ -114,7 +117,6 @@ def _replacing(path: Path) -> Iterator[tuple[int, str]]:
             try:
                 os.close(os.open(name, NEW_FILE_FLAGS, 0o666, dir_fd=folder))
                 yield folder, name
-                _sync_file(name, folder)
                 os.replace(name, path.name, src_dir_fd=folder, dst_dir_fd=folder)
                 sync_folder(folder)
             except BaseException:
